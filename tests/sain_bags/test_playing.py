@@ -12,7 +12,7 @@ from sain_bags.bag.metadata import TopicQos
 from sain_bags.playing import (
     Event,
     Passage,
-    PassageConfig,
+    PlayOptions,
     choose_topics,
     place_in,
     play,
@@ -67,7 +67,7 @@ def flag_times(events: list[Event]) -> list[tuple[float, int]]:
 
 
 def passage(folder: Path, latched: dict[str, int] | None = None, **config) -> Passage:
-    return Passage(Bag(folder), {"/flag", "/word"}, PassageConfig(**config), latched)
+    return Passage(Bag(folder), {"/flag", "/word"}, PlayOptions(Path(), **config), latched)
 
 
 def test_messages_are_due_when_they_came(flags):
@@ -109,7 +109,7 @@ def test_what_a_split_repeats_is_played_once(record, messages, tmp_path, start):
         published = START + (1 if place == 2 else place)
         recording.writer.write("/word", data, START + place * SECOND, published, published % 7)
     recording.writer.close()
-    config = PassageConfig(start=start)
+    config = PlayOptions(Path(), start=start)
     word = Passage(Bag(tmp_path / "bag"), {"/word"}, config, {"/word": 1})
     expected = [0.0, 1.0, 3.0] if not start else [0.0, 0.5, 2.5]
     assert [event.due for event in word.events()] == pytest.approx(expected)
@@ -132,7 +132,7 @@ def test_time_is_told_between_messages_at_its_rate(flags):
 
 
 def test_a_recorded_clock_is_not_doubled(flags):
-    chosen = Passage(Bag(flags), {"/flag", "/clock"}, PassageConfig(clock=100.0))
+    chosen = Passage(Bag(flags), {"/flag", "/clock"}, PlayOptions(Path(), clock=100.0))
     assert all(event.raw is not None for event in chosen.events())
 
 
@@ -175,4 +175,4 @@ def test_topics_have_a_place_in_a_namespace(namespace, topic, name):
 )  # fmt: skip
 def test_settings_are_checked(config, message):
     with pytest.raises(ConfigError, match=message):
-        PassageConfig(**config)
+        PlayOptions(Path(), **config)

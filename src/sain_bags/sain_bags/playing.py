@@ -8,11 +8,14 @@ from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
+from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
+import tyro
+
 from sain_bags.bag.metadata import TopicQos
-from sain_bags.reading.reader import Bag, Raw, TopicSummary
-from sain_core.config import Config, option
+from sain_bags.reading.reader import BAG_HELP, Bag, Raw, TopicSummary
+from sain_core.config import Config, option, required
 from sain_core.errors import DatasetError
 
 CLOCK: Final = "/clock"
@@ -23,9 +26,20 @@ REST: Final = 1_000_000_000  # [ns], from one time to the next of what has no du
 
 
 @dataclass(frozen=True)
-class PassageConfig(Config):
-    """Which part of a bag is played, and how fast."""
+class PlayOptions(Config):
+    """Play a bag: publish its messages again as they were recorded, at the recorded times.
 
+    Ctrl-C ends it. Topics are renamed with --ros-args -r /from:=/to.
+    """
+
+    bag: tyro.conf.Positional[Path] = required(BAG_HELP)
+    topics: tuple[str, ...] = option(
+        (), "topics to play, with their full names; none: all but /parameter_events"
+    )
+    namespace: str = option("", "prefix of every topic's name except /clock")
+    wait: float = option(
+        1.0, "longest wait until every topic has a subscriber", unit="s", minimum=0.0
+    )
     rate: float = option(1.0, "recorded time / playing time", minimum=1e-3, maximum=1e3)
     start: float = option(0.0, "start, from the beginning of the recording", unit="s", minimum=0.0)
     duration: float = option(0.0, "length of the played part; 0: to the end", unit="s", minimum=0.0)
@@ -55,7 +69,7 @@ class Passage:
         self,
         bag: Bag,
         topics: Collection[str],
-        config: PassageConfig = PassageConfig(),
+        options: PlayOptions,
         latched: Mapping[str, int] | None = None,
     ) -> None:
         """Plan to play topics, by their full names.
@@ -68,33 +82,29 @@ class Passage:
         """
         if not bag.message_count:
             raise DatasetError(f"{bag.path} holds no messages to play")
-        if config.start > bag.duration:
+        if options.start > bag.duration:
             raise DatasetError(
                 f"{bag.path} is {bag.duration:.3f} s long; it cannot be played"
-                f" from {config.start:.3f} s on"
+                f" from {options.start:.3f} s on"
             )
-        self._bag, self._topics, self._config = bag, frozenset(topics), config
+        self._bag, self._topics, self._options = bag, frozenset(topics), options
         self._latched = dict(latched or {})
-        self.first = bag.start + round(1e9 * config.start)  # [ns since the epoch]
+        self.first = bag.start + round(1e9 * options.start)  # [ns since the epoch]
         end = bag.start + round(1e9 * bag.duration)
-        if config.duration:
-            end = min(end, self.first + round(1e9 * config.duration))
+        if options.duration:
+            end = min(end, self.first + round(1e9 * options.duration))
         self.last = end
 
     @property
     def duration(self) -> float:
         """Of one time through it [s], as it is played."""
-        return 1e-9 * (self.last - self.first) / self._config.rate
+        return 1e-9 * (self.last - self.first) / self._options.rate
 
     def events(self) -> Iterator[Event]:
-        """Yield what is due, in that order; without an end when it is played in a loop.
-
-        Raises:
-            DatasetError: damage was found on the way.
-        """
+        """Yield what is due, in that order; without an end when it is played in a loop."""
         again = max(self.last - self.first, REST if self.last == self.first else 0)
-        for number in count() if self._config.loop else (0,):
-            before = number * 1e-9 * again / self._config.rate
+        for number in count() if self._options.loop else (0,):
+            before = number * 1e-9 * again / self._options.rate
             for event in self._with_ticks(self._once()):
                 yield replace(event, due=before + event.due)
 
@@ -115,7 +125,7 @@ class Passage:
             yield Event(self._due(raw.log_time), raw.log_time, raw)
 
     def _due(self, time: int) -> float:
-        return 1e-9 * (time - self.first) / self._config.rate
+        return 1e-9 * (time - self.first) / self._options.rate
 
     def _kept(self) -> list[Raw]:
         """Return what a late joiner would have got at the start."""
@@ -129,10 +139,10 @@ class Passage:
 
     def _with_ticks(self, events: Iterator[Event]) -> Iterator[Event]:
         """Yield the time between the messages, where /clock is wanted and not among them."""
-        if not self._config.clock or CLOCK in self._topics:
+        if not self._options.clock or CLOCK in self._topics:
             yield from events
             return
-        number, step = 0, self._config.rate / self._config.clock  # [s] of the recording
+        number, step = 0, self._options.rate / self._options.clock  # [s] of the recording
         for event in events:
             while (time := self.first + round(1e9 * number * step)) <= event.time:
                 yield Event(self._due(time), time, None)
@@ -179,11 +189,7 @@ def play(events: Iterator[Event], publish: Callable[[Event], object], pulse: Pul
 def choose_topics(
     bag: Bag, wanted: Collection[str], clock: bool = False
 ) -> tuple[TopicSummary, ...]:
-    """Return the topics to play: those that are wanted, or all but `NEVER`.
-
-    Raises:
-        DatasetError: one that is wanted is not in the bag.
-    """
+    """Return the topics to play: those that are wanted, or all but `NEVER`."""
     names = {topic.name for topic in bag.topics}
     for name in wanted:
         if name not in names:

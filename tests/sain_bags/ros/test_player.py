@@ -11,7 +11,7 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
 from sain_bags.bag.metadata import TopicQos
-from sain_bags.playing import Passage, PassageConfig, choose_topics, play
+from sain_bags.playing import Passage, PlayOptions, choose_topics, play
 from sain_bags.reading.reader import Bag, Raw
 from sain_bags.ros.player import Player
 from sain_bags.writing.writer import BagWriter
@@ -69,7 +69,7 @@ def player(graph) -> Callable[..., Player]:
 
 
 def play_all(graph, player: Player, bag: Bag, **config) -> None:
-    settings = PassageConfig(**config)
+    settings = PlayOptions(Path(), **config)
     passage = Passage(bag, player.topics, settings, player.latched)
     play(passage.events(), player.publish, Spinning(graph))
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery import recover
-from sain_bags.writing.split_files import SplitFile
+from sain_bags.writing.split_file import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 
@@ -55,7 +55,7 @@ def test_files_end_after_their_time_and_nothing_is_between_them(tmp_path: Path) 
     writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
     files = [tmp_path / "bag" / f"bag_{number}.mcap" for number in range(4)]
     assert sorted((tmp_path / "bag").glob("*.mcap")) == files
-    assert len(writer.split_files) == 4
+    assert len(writer.files) == 4
     chat = [data for file in files for name, data in contents(file) if name == "/chat"]
     assert chat == [text(number) for number in range(200)]
     per_file = [Counter(name for name, _ in contents(file)) for file in files]

@@ -33,11 +33,7 @@ References = dict[str, set[str]]  # the types that a type refers to, all by thei
 
 
 def check_definition(name: str, text: str) -> None:
-    """Check the definition of a type, with those of all it refers to.
-
-    Raises:
-        DatasetError: it is no definition, too large or too deep, or a type contains itself.
-    """
+    """Check the definition of a type, with those of all it refers to."""
     where = f"the definition of {name[:100]}"
     if not NAME.fullmatch(name):
         raise DatasetError(f"{name[:100]!r} is not the name of a type: package/msg/Name")
@@ -64,11 +60,7 @@ def check_definition(name: str, text: str) -> None:
 
 @lru_cache(maxsize=64)
 def check_version(name: str, text: str) -> None:
-    """Check that a message of the graph has the fields of this version, and no others.
-
-    Raises:
-        DatasetError: it was recorded with another version of ``sain_interfaces``.
-    """
+    """Check that a message of the graph has the fields of this version, and no others."""
     if not name.startswith(OWN_TYPES):
         return
     try:
@@ -114,18 +106,15 @@ def _short(name: str) -> str:
 
 def _check_depth(name: str, references: References, where: str) -> None:
     depths: dict[str, int] = {}
-    path: dict[str, None] = {}  # in their order
-    waiting = [(name, False)]
-    while waiting:
-        kind, is_left = waiting.pop()
-        if is_left:
-            inner = [depths[other] for other in references.get(kind, ())]
-            depths[path.popitem()[0]] = depth = 1 + max(inner, default=0)
-            if depth > DEFINITION_DEPTH:
-                raise DatasetError(f"{where} is nested more than {DEFINITION_DEPTH} deep")
-        elif kind in path:
+
+    def depth(kind: str, path: tuple[str, ...]) -> int:
+        if kind in path:
             raise DatasetError(f"{where} contains itself: {kind[:100]}")
-        elif kind not in depths:
-            path[kind] = None
-            waiting.append((kind, True))
-            waiting += [(other, False) for other in references.get(kind, ())]
+        if len(path) + depths.get(kind, 1) > DEFINITION_DEPTH:
+            raise DatasetError(f"{where} is nested more than {DEFINITION_DEPTH} deep")
+        if kind not in depths:
+            inner = [depth(other, (*path, kind)) for other in references.get(kind, ())]
+            depths[kind] = 1 + max(inner, default=0)
+        return depths[kind]
+
+    depth(name, ())

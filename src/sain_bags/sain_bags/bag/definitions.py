@@ -39,9 +39,6 @@ class Definitions:
         Args:
             type_name: full name, for example ``std_msgs/msg/Header``, or
                 ``std_srvs/srv/Trigger_Event``.
-
-        Raises:
-            InvalidInputError: not a message's name, or no such message is installed.
         """
         if type_name not in self._texts:
             self._texts[type_name] = self._read(type_name)

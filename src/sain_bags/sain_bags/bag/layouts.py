@@ -61,9 +61,6 @@ def read_types(name: str, text: str) -> MessageTypes:
     Args:
         name: full, for example ``std_msgs/msg/Header``.
         text: its definition, followed by those of what it refers to (``ros2msg``).
-
-    Raises:
-        DatasetError: a line that is no field, or a type that is not described.
     """
     try:
         found = get_types_from_msg(text, name)
@@ -130,9 +127,6 @@ def find_layout(types: MessageTypes, name: str, message: bytes, wanted: Collecti
         message: in CDR, with its encapsulation header.
         wanted: the paths of the fields to find, as in ``before.header.stamp.sec``; those inside a
             sequence of messages stand for all of its elements.
-
-    Raises:
-        DatasetError: it is not as its type says, or not CDR of a kind that is known.
     """
     order = BYTE_ORDERS.get(message[:2])
     if order is None or len(message) < HEADER:

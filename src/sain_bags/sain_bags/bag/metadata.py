@@ -32,26 +32,25 @@ STREAMS: Final = (f"{OWN_TYPES}Scene",)  # of these, they come at a rate
 METADATA_KEY: Final = "serialized_metadata"
 INFINITE: Final = (9_223_372_036, 854_775_807)  # [s, ns], rmw's duration without end
 TEXTS: Final = ("storage_identifier", "compression_mode", "compression_format", "ros_distro")
+LISTS: Final = ("files", "relative_file_paths", "topics_with_message_count")
+KINDS: Final = {**dict.fromkeys(TEXTS, str), **dict.fromkeys(LISTS, list), "custom_data": dict}
 LARGEST: Final = (1 << 63) - 1  # count of messages
 
 
 def check_metadata(content: Any) -> dict[str, Any]:
-    """Return the metadata of a bag with what is empty in place of what is null.
-
-    Raises:
-        UntrustedFileError: a value is not of the kind that rosbag2 writes.
-    """
+    """Return the metadata of a bag with what is empty in place of what is null."""
     about = dict(_expect("the metadata", content, dict))
-    for name in TEXTS:
-        about[name] = _expect(name, _or(about.get(name), ""), str)
-    about["files"] = _expect("files", _or(about.get("files"), []), list)
-    paths = _expect("relative_file_paths", _or(about.get("relative_file_paths"), []), list)
-    about["relative_file_paths"] = [_expect("a file's path", path, str) for path in paths]
-    topics = _or(about.get("topics_with_message_count"), [])
-    limit("topics", len(_expect("topics_with_message_count", topics, list)), TOPICS)
+    about |= {name: _expect(name, about.get(name), kind) for name, kind in KINDS.items()}
+    for path in about["relative_file_paths"]:
+        _expect("a file's path", path, str)
+    topics = about["topics_with_message_count"]
+    limit("topics", len(topics), TOPICS)
     about["topics_with_message_count"] = [_checked_topic(topic) for topic in topics]
-    custom_data = _expect("custom_data", _or(about.get("custom_data"), {}), dict)
-    about["custom_data"] = {str(key): _text(key, value) for key, value in custom_data.items()}
+    for key, value in about["custom_data"].items():
+        if isinstance(value, Mapping | list):
+            raise UntrustedFileError(f"custom_data has no text for {str(key)[:40]!r}")
+    texts = about["custom_data"].items()
+    about["custom_data"] = {str(key): "" if value is None else str(value) for key, value in texts}
     return about
 
 
@@ -60,23 +59,15 @@ def _checked_topic(entry: Any) -> dict[str, Any]:
     for name in ("name", "type"):
         topic[name] = _expect(f"{name} of a topic", topic[name], str)
     topic["type_description_hash"] = str(topic.get("type_description_hash") or "")
-    count = _expect("message_count of a topic", _or(entry.get("message_count"), 0), int)
+    count = _expect("message_count of a topic", entry.get("message_count"), int)
     if not 0 <= count <= LARGEST:
         raise UntrustedFileError(f"a topic has {count} messages")
     return {**entry, "topic_metadata": topic, "message_count": count}
 
 
-def _or(value: Any, empty: Any) -> Any:
-    return empty if value is None else value
-
-
-def _text(key: Any, value: Any) -> str:
-    if isinstance(value, Mapping | list):
-        raise UntrustedFileError(f"custom_data has no text for {str(key)[:40]!r}")
-    return str(_or(value, ""))
-
-
 def _expect(name: str, value: Any, kind: type) -> Any:
+    if value is None:
+        return kind()
     if not isinstance(value, kind):
         raise UntrustedFileError(f"{name} is {str(value)[:40]!r}; it must be a {kind.__name__}")
     return value
@@ -286,11 +277,7 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
 
 
 def storage_of(file: Path) -> str:
-    """Return the storage of a file that is named alone, or of a bag; damage may hide it.
-
-    Raises:
-        DatasetError: it is something else; the message says what.
-    """
+    """Return the storage of a file that is named alone, or of a bag; damage may hide it."""
     what = describe(file)
     if what == BEGINNINGS[SQLITE]:
         return "sqlite3"
@@ -350,11 +337,7 @@ def describe_recording(folder: Path) -> str:
 
 
 def read_metadata(folder: Path) -> dict[str, Any]:
-    """Return the content of ``metadata.yaml``.
-
-    Raises:
-        DatasetError: it cannot be read.
-    """
+    """Return the content of ``metadata.yaml``."""
     path = folder / METADATA_FILE
     try:
         content = read_yaml(path)

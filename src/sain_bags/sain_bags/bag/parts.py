@@ -50,12 +50,7 @@ def check_parts(folder: Path, bag: str) -> None:
 
 
 def remove_parts(folder: Path, bag: str) -> None:
-    """Remove a folder of parts.
-
-    Raises:
-        OutputError: as `check_parts`.
-        OSError: it cannot be written.
-    """
+    """Remove a folder of parts."""
     check_parts(folder, bag)
     for path in folder.iterdir():
         path.unlink()
@@ -63,11 +58,7 @@ def remove_parts(folder: Path, bag: str) -> None:
 
 
 def set_aside(folder: Path) -> Path | None:
-    """Make room for a bag where a recording was cut off; return where that is now; None: nowhere.
-
-    Raises:
-        OutputError: there is a whole bag, or something else that is no recording.
-    """
+    """Make room for a bag where a recording was cut off; return where that is now, if any."""
     aside = earlier(folder)
     try:
         check_parts(aside, folder.name)

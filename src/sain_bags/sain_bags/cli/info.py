@@ -107,11 +107,7 @@ def run(options: InfoOptions, console: Console) -> None:
 
 
 def show(path: Path, console: Console, check: bool = True) -> None:
-    """Print what a bag holds, after comparing every CRC in it where that is asked for.
-
-    Raises:
-        DatasetError: it is not a whole, undamaged bag.
-    """
+    """Print what a bag holds, after comparing every CRC in it where that is asked for."""
     bag = Bag(path)
     if check:
         bag.check()

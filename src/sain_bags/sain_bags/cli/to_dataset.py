@@ -89,11 +89,7 @@ def _convert_with_bar(options: ToDatasetOptions, console: Console) -> Converted:
 
 
 def draw_card(folder: Path) -> Path:
-    """Write the picture of a data set's card beside it, and return its path.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
+    """Write the picture of a data set's card beside it, and return its path."""
     from sain_core.view.figures import write_png
 
     card = read_json(folder / CARD_FILE)

@@ -183,11 +183,7 @@ class BagRunner:
         return read_rows(source.bag, source.namespace, self._config, self._load)
 
     def run(self, job: BagJob) -> list[BagPart]:
-        """Return all rows of a recording, in memory.
-
-        Raises:
-            DatasetError: the recording is damaged, or is not the one that was meant.
-        """
+        """Return all rows of a recording, in memory."""
         source = open_source(job.path, job.namespace)
         if source.sha256 != job.sha256:
             raise DatasetError(

@@ -77,12 +77,7 @@ class DatasetFolder:
             )
 
     def store(self, columns: Columns) -> Columns:
-        """Write columns as the next shard, unless it is there already; return them.
-
-        Raises:
-            DatasetError: what is there is damaged or differs.
-            OutputError: the folder cannot be written, or the disk is full.
-        """
+        """Write columns as the next shard, unless it is there already; return them."""
         if not self._begun:
             self._begin()
         disks, index = columns[Column.MASSES].shape[1], sum(map(len, self._shards.values()))
@@ -100,9 +95,6 @@ class DatasetFolder:
 
         `progress` is called with the number of rows written, and of all. After an error nothing
         is left of a format other than npz; after a stop, the gathered rows.
-
-        Raises:
-            OutputError: the folder cannot be written, or the disk is full.
         """
         parts = split_episodes(self._counts)
         card = {**card, "split": describe_split(parts, self._counts)}
@@ -140,12 +132,7 @@ class DatasetFolder:
 
 
 def write_shard(folder: Path, index: int, arrays: Columns) -> Columns:
-    """Write columns as a shard, whole or not at all, unless it is there already; return them.
-
-    Raises:
-        DatasetError: there is a shard in its place, damaged or with other rows.
-        OutputError: the folder cannot be written, or the disk is full.
-    """
+    """Write columns as a shard, whole or not at all, unless it is there already; return them."""
     path = shard_path(folder, index)
     if not path.exists():
         write_arrays(path, arrays, deflate_numbers=False)
@@ -228,9 +215,6 @@ def export(
 
     A single data set is put into the folder, several into ``disks-N`` below. `advance` is called
     with the number of further rows written.
-
-    Raises:
-        OutputError: the folder cannot be written, or the disk is full.
     """
     partial = folder / EXPORT
     with _writing(folder), _removed_after_error(partial):

@@ -100,9 +100,6 @@ def read_rows(
         namespace: of the graph.
         config: what becomes of pushes.
         prior: called for the model when a push without a prediction comes.
-
-    Raises:
-        DatasetError: damage, or messages that lack what a row needs.
     """
     reader, latched = ResultReader(bag, namespace), Latched(bag, namespace)
     maker, held = _RowMaker(config, latched, prior), list[Results]()

@@ -35,11 +35,7 @@ class McapCopy:
         self._numbers: dict[int, int] = {}  # of channels, here
 
     def add(self, record: McapRecord) -> int:
-        """Add a record, with all records of a chunk; return the last time of its messages, or 0.
-
-        Raises:
-            McapError: it contradicts the file, or nothing describes its messages; none are added.
-        """
+        """Add a record, with all records of a chunk; return the last time of its messages, or 0."""
         is_chunk = isinstance(record, Chunk)
         records = breakup_chunk(record) if is_chunk else [record]
         for one in records:

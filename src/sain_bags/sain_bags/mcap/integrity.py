@@ -119,11 +119,7 @@ class Unpacking:
         self._allowed = self._left = unpacked_bytes(size)
 
     def take(self, size: int) -> None:
-        """Count what unpacks to this size [bytes].
-
-        Raises:
-            UntrustedFileError: that is more than is allowed.
-        """
+        """Count what unpacks to this size [bytes]."""
         if size > PIECE_BYTES:
             raise UntrustedFileError(f"a part of it has {size:,} bytes; allowed: {PIECE_BYTES:,}")
         self._left -= size
@@ -134,11 +130,7 @@ class Unpacking:
 
 
 def unpack_chunk(chunk: Chunk) -> bytes:
-    """Return the content of a chunk, decompressed; if it has a CRC, that is right.
-
-    Raises:
-        DatasetError and others of `DAMAGE`: it is damaged.
-    """
+    """Return the content of a chunk, decompressed; if it has a CRC, that is right."""
     size = chunk.uncompressed_size
     if size > PIECE_BYTES:
         raise DatasetError(f"it says to hold {size:,} bytes; allowed: {PIECE_BYTES:,}")
@@ -151,12 +143,7 @@ def unpack_chunk(chunk: Chunk) -> bytes:
 
 
 def unpack(compression: str, data: Any, most: int) -> Any:
-    """Return the content of data that is compressed, without more memory than it may have.
-
-    Raises:
-        DatasetError: it has more than `most` bytes.
-        ZstdError, RuntimeError, ValueError, EOFError: it is damaged.
-    """
+    """Return the content of data that is compressed, without more memory than it may have."""
     if compression == "zstd":
         # A frame that names its own size is given that much memory: not before it is looked at.
         if zstandard.frame_content_size(data) > most:

@@ -59,11 +59,7 @@ class McapFile:
     """A whole MCAP file; it is opened anew for each thing that is read."""
 
     def __init__(self, path: Path) -> None:
-        """Read the summary.
-
-        Raises:
-            DatasetError: not a whole MCAP file, or its summary is damaged.
-        """
+        """Read the summary."""
         self.path = path
         with opened(path) as stream:
             summary = read_summary(stream)
@@ -90,11 +86,7 @@ class McapFile:
         )
 
     def compare(self, found: Mapping[int, int]) -> None:
-        """Compare how many messages were found, by channel, with the statistics.
-
-        Raises:
-            DatasetError: some were not found.
-        """
+        """Compare how many messages were found, by channel, with the statistics."""
         expected = self.statistics.channel_message_counts
         with opened(self.path):
             for number, count in found.items():
@@ -109,11 +101,7 @@ class McapFile:
                 raise McapError(f"it has more than {self.statistics.message_count} messages")
 
     def read(self, chunk: ChunkIndex, channels: Collection[int]) -> Messages:
-        """Read the messages of some channels, in the order of the file.
-
-        Raises:
-            DatasetError: it is damaged; the message says how it shows.
-        """
+        """Read the messages of some channels, in the order of the file."""
         with opened(self.path) as stream:
             stream.seek(chunk.chunk_start_offset)
             content = stream.read(chunk.chunk_length + chunk.message_index_length)

@@ -11,8 +11,10 @@ Format: https://mcap.dev/spec. Four things are done otherwise than `mcap`'s own 
 
 import struct
 import zlib
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final
+from operator import itemgetter
+from typing import Any, Final, NamedTuple
 
 import lz4.frame
 import zstandard
@@ -35,18 +37,74 @@ from mcap.records import (
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import MCAP0_MAGIC
 
-from sain_bags.mcap.open_chunk import Content, OpenChunk
 from sain_bags.mcap.preallocated_file import PreallocatedFile
 
 LIBRARY: Final = "sain_bags"
 FOOTER_START: Final = struct.Struct("<BQQQ")  # the part of the footer that the summary's CRC covers
 FOOTER_SIZE: Final = 8 + 8 + 4
+MESSAGE: Final = struct.Struct("<BQHIQQ")  # opcode, length, channel, sequence, log, publish time
+MESSAGE_SIZE: Final = 2 + 4 + 8 + 8  # [bytes], a message's content without its data
 
 COMPRESSORS: Final[dict[str, Callable[[], Callable[[Any], bytes]]]] = {
     "none": lambda: bytes,
     "lz4": lambda: lz4.frame.compress,
     "zstd": lambda: zstandard.ZstdCompressor().compress,
 }
+
+
+class Content(NamedTuple):
+    """What a chunk holds."""
+
+    data: bytes
+    places: Mapping[int, list[int]]  # by channel: log time, offset in data, log time, ...
+    first: int  # log time [ns since the epoch]
+    last: int
+
+
+class OpenChunk:
+    """Collects messages, and what describes them, chunk after chunk."""
+
+    def __init__(self, chunk_size: int) -> None:
+        """Begin; a chunk is full at a size [bytes]."""
+        self._chunk_size = self._room = chunk_size
+        self._described = b""  # what this chunk describes
+        self._fresh = b""  # what it is the first to describe: the next one does so again
+        self._messages: list[tuple[int, int, bytes, bytes]] = []  # log time, channel, record
+
+    @property
+    def size(self) -> int:
+        """What waits here [bytes]."""
+        return self._chunk_size - self._room
+
+    def describe(self, record: bytes) -> None:
+        """Add the description of a type or a channel, for this chunk and the next."""
+        self._described += record
+        self._fresh += record
+        self._room -= len(record)
+
+    def add(self, channel: int, sequence: int, received: int, published: int, data: bytes) -> bool:
+        """Append one message, its times in [ns since the epoch]; return whether this is full."""
+        size = MESSAGE_SIZE + len(data)
+        head = MESSAGE.pack(Opcode.MESSAGE, size, channel, sequence, received, published)
+        self._messages.append((received, channel, head, data))
+        self._room -= MESSAGE.size + len(data)
+        return self._room < 0
+
+    def take(self) -> Content | None:
+        """Return what was collected, by log time, and begin the next chunk; None: no message."""
+        if not self._messages:
+            return None
+        messages = sorted(self._messages, key=itemgetter(0))  # those of a time stay as they are
+        place = len(self._described)
+        places: dict[int, list[int]] = defaultdict(list)
+        for received, channel, head, data in messages:
+            places[channel] += (received, place)
+            place += len(head) + len(data)
+        records = [part for message in messages for part in message[2:]]
+        content = b"".join((self._described, *records))
+        self._described, self._fresh, self._messages = self._fresh, b"", []
+        self._room = self._chunk_size - len(self._described)
+        return Content(content, places, messages[0][0], messages[-1][0])
 
 
 class McapWriter:
@@ -125,8 +183,8 @@ class McapWriter:
         content = chunk.take()  # whatever becomes of it, it is not tried again
         if content is None:
             return
-        (first, last), crc = content.span, zlib.crc32(content.data)
-        packed, size = self._compress(content.data), len(content.data)
+        data, _, first, last = content
+        packed, size, crc = self._compress(data), len(data), zlib.crc32(data)
         record = _record(Chunk(self._compression, packed, last, first, crc, size))
         indexes, offsets = _message_indexes(content, self._end + len(record))
         start = self._end
@@ -220,7 +278,6 @@ def _message_indexes(found: Content, start: int) -> tuple[bytes, dict[int, int]]
     for channel, index in found.places.items():
         offsets[channel] = start + len(content)
         size = 8 * len(index)
-        index[1::2] = [place + found.start for place in index[1::2]]
         head = struct.pack("<BQHI", Opcode.MESSAGE_INDEX, 2 + 4 + size, channel, size)
         content += head + struct.pack(f"<{len(index)}Q", *index)
     return bytes(content), offsets

@@ -17,11 +17,7 @@ class PreallocatedFile:
     """
 
     def __init__(self, path: Path, reserve: int = RESERVE) -> None:
-        """Create a file that must not exist, and ``reserve`` bytes beside it.
-
-        Raises:
-            OSError: the folder cannot be written, or is full already.
-        """
+        """Create a file that must not exist, and ``reserve`` bytes beside it."""
         self.path = path
         self.full = False
         self._reserve_path = path.with_name(f".{path.name}.reserve")

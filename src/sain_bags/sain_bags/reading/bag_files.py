@@ -87,11 +87,7 @@ class BagChannel:
         return self.schema is not None and bool(self.schema.data)
 
     def definition(self) -> str:
-        """Return the text that describes its messages (``ros2msg``).
-
-        Raises:
-            DatasetError: they are not CDR, or described in another way or without end.
-        """
+        """Return the text that describes its messages (``ros2msg``)."""
         encoding, schema = self.channel.message_encoding, self.schema
         if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
             described = schema.encoding if schema else "nothing"
@@ -133,9 +129,6 @@ class BagFiles:
             topics: only these; None: all.
             start: only those received then or later [ns since the epoch]; None: all.
             types: only of these types, where a topic has several; None: all.
-
-        Raises:
-            DatasetError: damage was found on the way.
         """
         wanted = [self._wanted(number, topics, types) for number in range(len(self._files))]
         counts = [np.zeros(CHANNELS, dtype=np.int64) for _ in self._files]

@@ -37,11 +37,7 @@ class ReadableFiles:
     """The files of a bag as indexed MCAP files; copies are deleted with this."""
 
     def __init__(self, metadata: Mapping[str, Any], files: Sequence[Path]) -> None:
-        """Copy what must be copied.
-
-        Raises:
-            DatasetError: it cannot be read, or holds more than is allowed.
-        """
+        """Copy what must be copied."""
         self._storage = str(metadata.get("storage_identifier") or "mcap")
         self._mode = str(metadata.get("compression_mode") or "").lower()
         if self._storage not in STORAGES:

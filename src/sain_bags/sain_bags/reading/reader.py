@@ -78,11 +78,7 @@ class Bag(BagFiles):
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a bag.
-
-        Raises:
-            DatasetError: not a bag, not whole, or damaged; the message says what to do.
-        """
+        """Open a bag."""
         self.path = path
         self.metadata, self.files = find_files(path)
         self._readable = ReadableFiles(self.metadata, self.files)
@@ -168,9 +164,6 @@ class Bag(BagFiles):
         Args:
             topics: only these; None: all.
             start: only those received then or later [ns since the epoch]; None: all.
-
-        Raises:
-            DatasetError: damage was found on the way.
         """
         for _, raw in self._numbered(topics, start):
             yield raw
@@ -191,11 +184,7 @@ class Bag(BagFiles):
                 check_file(stream)
 
     def decode(self, number: int, data: bytes) -> Any:
-        """Return a message of a channel, by its number in the bag, decoded.
-
-        Raises:
-            DatasetError: it is not as its definition says, or too much of it.
-        """
+        """Return a message of a channel, by its number in the bag, decoded."""
         channel = self.channels[number]
         key = (channel.type, channel.schema.data if channel.schema else b"")
         if key not in self._decoders:

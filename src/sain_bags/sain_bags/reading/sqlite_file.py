@@ -63,12 +63,7 @@ def whole_sqlite(path: Path, place: Path) -> Path:
 
 
 def read_sqlite(path: Path) -> Iterator[McapRecord]:
-    """Yield all topics of a file, then its messages in the order of their times, as MCAP has them.
-
-    Raises:
-        sqlite3.Error, ReaderError: the file is damaged.
-        UntrustedFileError: it holds more than is allowed.
-    """
+    """Yield all topics of a file, then its messages by their times, as records of MCAP."""
     check_sqlite(path)
     reader = Sqlite3Reader(Path(quote(str(path.resolve()))))  # it makes a URI of it
     reader.open()
@@ -89,12 +84,7 @@ def read_sqlite(path: Path) -> Iterator[McapRecord]:
 
 
 def check_sqlite(path: Path) -> None:
-    """Check that a file is a bag, and holds no more than a file of its size may.
-
-    Raises:
-        sqlite3.Error: it is damaged, or takes too long to look at.
-        UntrustedFileError: it is not as rosbag2 writes it, or too large.
-    """
+    """Check that a file is a bag, and holds no more than a file of its size may."""
     status = path.stat()
     refuse_special(status.st_mode)
     base = sqlite3.connect(f"file:{quote(str(path.resolve()))}?mode=ro&immutable=1", uri=True)

@@ -37,11 +37,7 @@ LEARNING: Final = "sain_interfaces/msg/Learning"
 
 
 def describe_learning(bag: Bag) -> dict[str, Any] | None:
-    """Return the curves and events of a learner; None: there was none.
-
-    Raises:
-        DatasetError: the message makes no sense.
-    """
+    """Return the curves and events of a learner; None: there was none."""
     latest = deque(bag.messages(types=(LEARNING,)), maxlen=1)
     for last in latest:
         try:

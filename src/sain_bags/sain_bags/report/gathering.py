@@ -164,11 +164,7 @@ def messages_to_read(bag: Bag) -> int:
 def gather(
     bag: Bag, namespace: str, limits: Limits = Limits(), progress: Progress = lambda: None
 ) -> tuple[Gathered, ...]:
-    """Read the episodes of one graph, those after a restart of its simulator on their own.
-
-    Raises:
-        DatasetError: damage, or a message that makes no sense or is of another definition.
-    """
+    """Read the episodes of one graph, those after a restart of its simulator on their own."""
     shown: dict[tuple[int, int], Frames] = {}  # by run and episode
 
     def show(run: int, scene: Any, log_time: int) -> None:

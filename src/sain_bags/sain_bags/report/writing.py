@@ -72,9 +72,6 @@ def bundle(entry: str, read: Callable[[str], str]) -> str:
 
     Each file becomes a function, so the same name in two files means two things. A file shares the
     names of its line ``export { a, b };`` and sees those of its lines ``import { a } from "./b";``.
-
-    Raises:
-        ValueError: a file imports what another does not export, or files import each other.
     """
     shared: dict[str, set[str]] = {}
     parts: list[str] = []

@@ -17,11 +17,7 @@ from sain_core.errors import InvalidInputError
 
 
 def message_class(type_name: str) -> type:
-    """Return the Python class of a message type, also of a service's events.
-
-    Raises:
-        InvalidInputError: its package is not installed, or has no such message.
-    """
+    """Return the Python class of a message type, also of a service's events."""
     package, kind, name = type_name.split("/")
     try:
         module = importlib.import_module(f"{package}.{kind}")

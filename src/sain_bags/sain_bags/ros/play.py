@@ -1,18 +1,14 @@
 """``ros2 run sain_bags play``: publishes a bag's messages again, byte by byte, in their time."""
 
-from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import tyro
 from rich.console import Console
 from rich.progress import BarColumn, TextColumn
 
-from sain_bags.playing import CLOCK, Event, Passage, PassageConfig, Played, choose_topics, play
-from sain_bags.reading.reader import BAG_HELP, Bag
+from sain_bags.playing import CLOCK, Event, Passage, Played, PlayOptions, choose_topics, play
+from sain_bags.reading.reader import Bag
 from sain_bags.ros.stop_signal import StopSignal
 from sain_core.cli.terminal import transient_bar
-from sain_core.config import Config, option, required
 from sain_core.guarding.lifetime import release
 
 if TYPE_CHECKING:
@@ -20,24 +16,6 @@ if TYPE_CHECKING:
 
 LOOK: Final = 0.02  # [s], between two looks for subscribers
 SHOWN: Final = 0.2  # [s], between two looks at the bar
-
-
-@dataclass(frozen=True)
-class PlayOptions(Config):
-    """Play a bag: publish its messages again as they were recorded, at the recorded times.
-
-    Ctrl-C ends it. Topics are renamed with --ros-args -r /from:=/to.
-    """
-
-    bag: tyro.conf.Positional[Path] = required(BAG_HELP)
-    topics: tuple[str, ...] = option(
-        (), "topics to play, with their full names; none: all but /parameter_events"
-    )
-    namespace: str = option("", "prefix of every topic's name except /clock")
-    wait: float = option(
-        1.0, "longest wait until every topic has a subscriber", unit="s", minimum=0.0
-    )
-    passage: PassageConfig = field(default_factory=PassageConfig)
 
 
 def run(options: PlayOptions, console: Console) -> None:
@@ -60,11 +38,11 @@ def play_bag(options: PlayOptions, console: Console) -> Played:
     from sain_bags.ros.player import Player
 
     watch, bag = StopSignal(), Bag(options.bag)
-    chosen = choose_topics(bag, options.topics, options.passage.clock > 0.0)
+    chosen = choose_topics(bag, options.topics, options.clock > 0.0)
     player = Player(chosen, options.namespace)
     try:
-        passage = Passage(bag, player.topics, options.passage, player.latched)
-        if options.passage.clock and CLOCK not in player.topics:
+        passage = Passage(bag, player.topics, options, player.latched)
+        if options.clock and CLOCK not in player.topics:
             player.offer_clock()
         await_subscribers(player, options.wait, watch)
         played = _play_with_bar(passage, player, watch, options, console)

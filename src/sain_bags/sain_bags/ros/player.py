@@ -23,11 +23,7 @@ class Player(Node):
     """Plugins topics as their publishers did, and publishes bytes on them."""
 
     def __init__(self, topics: tuple[TopicSummary, ...], namespace: str, **options: Any) -> None:
-        """Offer what can be offered here; the others are warned of.
-
-        Raises:
-            DatasetError: none can.
-        """
+        """Offer what can be offered here; the others are warned of."""
         super().__init__("player", start_parameter_services=False, **options)
         self._offered: dict[tuple[str, str], Publisher] = {}
         self.latched: dict[str, int] = {}

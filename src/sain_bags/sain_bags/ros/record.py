@@ -66,11 +66,7 @@ class RecordOptions(Config):
 
 
 def parse_custom_data(pairs: tuple[str, ...]) -> dict[str, str]:
-    """Return ``KEY=VALUE`` words as a dictionary.
-
-    Raises:
-        ConfigError: a word without a key or without ``=``.
-    """
+    """Return ``KEY=VALUE`` words as a dictionary."""
     data = {}
     for pair in pairs:
         key, equals, value = pair.partition("=")
@@ -102,11 +98,7 @@ def run(options: RecordOptions, console: Console) -> None:
 
 
 def join_parts(cut_off: Path, out: Path, console: Console) -> None:
-    """Join a recording with those that it went on with, unless another signal comes.
-
-    Raises:
-        SainError: a signal came, or the disk failed; the parts are left.
-    """
+    """Join a recording with those that it went on with, unless another signal comes."""
     size = sum(path.stat().st_size for path in (*mcap_files(cut_off), *mcap_files(out)))
     doing = f"joining the parts of the recording, {size / 1e6:.1f} MB"
     console.print(f"{doing}; Ctrl-C leaves the parts", highlight=False)

@@ -31,12 +31,7 @@ class ViewOptions(Config):
 
 
 def run(options: ViewOptions, console: Console) -> None:
-    """Become the live page of a bag.
-
-    Raises:
-        DatasetError: it is no bag, or not whole.
-        ConfigError: the live page is not installed.
-    """
+    """Become the live page of a bag."""
     path = Bag(options.bag).path.resolve()
     command = page_command(options, path)
     os.execv(command[0], command)

@@ -39,11 +39,7 @@ class Latched:
         self._goal_reader = TableReader(bag, topics, GOAL, FIELDS)
 
     def read(self, batch: Batch) -> None:
-        """Take what a batch states, whatever else is in it.
-
-        Raises:
-            DatasetError: a message is damaged; bodies that cannot be, or change in an episode.
-        """
+        """Take what a batch states, whatever else is in it."""
         if len(goals := self._goal_reader.of(batch)):
             self.goals.add(self._goal_reader.read(goals), goals.log_times)
         for message in self._messages(batch, BODIES):

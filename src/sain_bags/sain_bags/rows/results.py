@@ -142,11 +142,7 @@ class Results:
         return scenes
 
     def pushes(self) -> Iterator["RecordedPush"]:
-        """Yield the pushes one by one.
-
-        Raises:
-            InvalidInputError: NaN or Inf in a scene, or in a push that was not refused.
-        """
+        """Yield the pushes one by one."""
         names = ("push_id", "episode_id", "error_code", "duration")
         numbers = zip(*(self.column(name).tolist() for name in names), strict=True)
         both = (self.before, self.after)

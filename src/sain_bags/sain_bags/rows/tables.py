@@ -70,11 +70,7 @@ class TableReader:
     """Decodes some fields of a bag's messages of one type."""
 
     def __init__(self, bag: Bag, topics: Iterable[str], kind: str, fields: Sequence[str]) -> None:
-        """Read the definitions of the type's channels.
-
-        Raises:
-            DatasetError: they cannot be read, or lack a field that is needed.
-        """
+        """Read the definitions of the type's channels."""
         self._bag, self._fields, topics = bag, fields, frozenset(topics)
         self._wanted = [path for name in fields for path in number_paths(name)]
         self._types: dict[int, MessageTypes] = {}  # by number of a channel
@@ -88,12 +84,7 @@ class TableReader:
         return batch[np.isin(batch.channels, list(self._types))]
 
     def read(self, batch: Batch) -> MessageTable:
-        """Return messages, which are all of this type, as columns.
-
-        Raises:
-            DatasetError: one is not as its definition says, or they differ too much in their
-                lengths.
-        """
+        """Return messages, which are all of this type, as columns."""
         builder = _Builder(self._fields, len(batch))
         kinds = np.stack([batch.channels, batch.sizes])
         for number, size in np.unique(kinds, axis=1).T.tolist():
@@ -130,11 +121,7 @@ def number_paths(name: str) -> list[str]:
 
 
 def checked_types(bag: Bag, channel: BagChannel, paths: Iterable[str]) -> MessageTypes:
-    """Return the types that describe a channel's messages, which have all of these fields.
-
-    Raises:
-        DatasetError: they cannot be read, or lack one, or have another in its place.
-    """
+    """Return the types that describe a channel's messages, which have all of these fields."""
     try:
         types = read_types(channel.type, channel.definition())
         for path in paths:

@@ -10,13 +10,14 @@ import shutil
 import time
 from collections import deque
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
 from sain_bags.mcap.integrity import rescue
-from sain_bags.writing.split_files import SplitFile, SplitFiles
+from sain_bags.writing.split_file import SplitFile
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OutputError
 
@@ -71,18 +72,27 @@ class BagWriter:
         self.folder = folder
         self.custom_data = dict(custom_data or {})  # may be added to until the bag is closed
         self._config = config
+        self._splits = config.split_size > 0 or config.split_duration > 0.0
         self._ros_distro, self._is_part = ros_distro, is_part
         self._topics: dict[str, Topic] = {}
         self._channels: dict[str, int] = {}  # in the file
         self._counts: dict[str, int] = {}
         self._latched: dict[str, deque[tuple[int, int, bytes]]] = {}  # the last messages
-        self.split_files = SplitFiles()
         self.first: int | None = None  # [ns since the epoch], when its first message was received
         self._file_start = 0  # [ns since the epoch], its first message; 0: it has none yet
         self._flush_at: float | None = None  # by `time.monotonic`; None: just flushed
         self._closed = False
+        # Earlier files are ended on a thread of their own: messages do not wait for the disk.
+        self._finisher = ThreadPoolExecutor(1, "finisher")
+        self._finished: list[Future[None]] = []
+        self.files: list[SplitFile] = []
         self._file = self._create()
-        self.split_files.add(self._file)
+        self.files.append(self._file)
+
+    @property
+    def size(self) -> int:
+        """Size of all files, with what waits to be written [bytes]."""
+        return sum(file.size for file in self.files)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -119,35 +129,33 @@ class BagWriter:
             InvalidInputError: the topic was not added.
             OutputError: the disk is full or failed. The bag can, and should, still be closed.
         """
-        if topic not in self._channels:
+        channel = self._channels.get(topic)
+        if channel is None:
             raise InvalidInputError(f"topic {topic!r} was not added to the bag")
         published = published or received
         sequence &= WORD
         try:
-            if self._is_file_done(received):
+            if self._splits and self._is_file_done(received):
                 self._split(received)
-            self._file.add_message(self._channels[topic], sequence, received, published, data)
+                channel = self._channels[topic]
+            self._file.add_message(channel, sequence, received, published, data)
         except OSError as error:
             raise self._error(error) from error
-        self._file_start = self._file_start or received
-        self.first = received if self.first is None else self.first
+        if not self._file_start:
+            self._file_start = received
+            self.first = self.first or received
         self._counts[topic] += 1
         if topic in self._latched:
             self._latched[topic].append((sequence, published, data))
-        self.flush_if_due()
+        if self._file.full:
+            self._check()
 
     def flush_if_due(self) -> None:
-        """Flush when the flush period is over; call this also while no message comes.
-
-        Raises:
-            OutputError: as `flush`.
-        """
+        """Flush when the flush period is over; call this also while no message comes."""
         now, period = time.monotonic(), EARLY * self._config.flush_period
         self._flush_at = now + period if self._flush_at is None else self._flush_at
         if now >= self._flush_at:
             self.flush()
-        elif self._file.full:
-            self._check()
 
     def flush(self) -> None:
         """Hand everything written so far to the operating system.
@@ -171,14 +179,18 @@ class BagWriter:
         if self._closed:
             return
         self._closed = True
-        self.split_files.finish_last(self._topics.values(), self.custom_data)
-        failures = self.split_files.close()
+        self._finish(self._file)
+        self._finisher.shutdown()
+        failures = [error for done in self._finished if (error := done.exception())]
         try:
-            if self.split_files.are_whole and not self._is_part:
-                counts = self.split_files.counts(self._topics)
-                topics = [(topic, counts[name]) for name, topic in self._topics.items()]
-                about = (self.split_files.spans, topics, self.custom_data, self._ros_distro)
-                write_metadata(self.folder, bag_metadata(*about))
+            if self._are_whole and not self._is_part:
+                spans = {file.path.name: file.span for file in self.files}
+                topics = [
+                    (topic, sum(file.counts.get(name, 0) for file in self.files))
+                    for name, topic in self._topics.items()
+                ]
+                about = bag_metadata(spans, topics, self.custom_data, self._ros_distro)
+                write_metadata(self.folder, about)
         except OSError as error:
             failures.append(error)
         for failure in failures:
@@ -205,23 +217,34 @@ class BagWriter:
     def _split(self, received: int) -> None:
         """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
         file = self._begin_file()
-        self.split_files.finish_last(self._topics.values(), self.custom_data)
-        self.split_files.add(file)
+        self._finish(self._file)
+        self.files.append(file)
         self._file, self._file_start, self._flush_at = file, 0, None
         self._channels = {name: file.channel(topic) for name, topic in self._topics.items()}
         for topic, messages in self._latched.items():
             for sequence, published, data in messages:
                 file.add_message(self._channels[topic], sequence, received, published, data)
 
+    def _finish(self, file: SplitFile) -> None:
+        """Begin to end a file."""
+        about = (tuple(self._topics.values()), dict(self.custom_data))
+        self._finished.append(self._finisher.submit(file.close, *about))
+
+    @property
+    def _are_whole(self) -> bool:
+        return all(file.whole for file in self.files)
+
     def _begin_file(self) -> SplitFile:
-        path = self.folder / f"{self.folder.name}_{len(self.split_files)}.mcap"
+        path = self.folder / f"{self.folder.name}_{len(self.files)}.mcap"
         about = (self.custom_data, self._ros_distro)
         return SplitFile(path, self._config.compression, self._config.chunk_size, *about)
 
     def _check(self) -> None:
         if self._file.full:
             raise OutputError(f"no space left for the bag {self.folder}: nothing more is recorded")
-        self.split_files.check()
+        for done in self._finished:
+            if done.done():
+                done.result()  # raises where an earlier file could not be ended
         self._check_free_space()
 
     def _check_free_space(self) -> None:
@@ -251,6 +274,6 @@ class BagWriter:
     def _error(self, error: OSError) -> OutputError:
         if isinstance(error, OutputError):
             return error
-        broken = self._closed and not self.split_files.are_whole
+        broken = self._closed and not self._are_whole
         advice = f"; {rescue(self.folder)}" if broken else ""
         return OutputError(f"cannot write the bag {self.folder}: {error.strerror or error}{advice}")

@@ -31,11 +31,7 @@ MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of all files of a
 
 
 def find_format(name: FormatName) -> Write | None:
-    """Return the function that writes a format; None for npz, which shards already are.
-
-    Raises:
-        ConfigError: its library is not installed.
-    """
+    """Return the function that writes a format; None for npz, which shards already are."""
     if name == SHARDS:
         return None
     try:
