@@ -36,8 +36,7 @@ class McapCopy:
 
     def add(self, record: McapRecord) -> int:
         """Add a record, with all records of a chunk; return the last time of its messages, or 0."""
-        is_chunk = isinstance(record, Chunk)
-        records = breakup_chunk(record) if is_chunk else [record]
+        records = breakup_chunk(record) if isinstance(record, Chunk) else [record]
         for one in records:
             self._check(one)
         return max(map(self._write, records), default=0)
@@ -48,8 +47,9 @@ class McapCopy:
             raise McapError(f"a message is of channel {one.channel_id}, which is not described")
         if isinstance(one, Channel) and (Schema, one.schema_id) not in described:
             raise McapError(f"the schema of {one.topic} is missing")
-        is_description = isinstance(one, Schema | Channel)
-        if is_description and described.setdefault((type(one), one.id), one) != one:
+        if not isinstance(one, Schema | Channel):
+            return
+        if described.setdefault((type(one), one.id), one) != one:
             raise McapError("it describes a channel otherwise than the file does before")
 
     def _write(self, one: McapRecord) -> int:

@@ -5,7 +5,6 @@ These are sqlite3 files, what rosbag2 compressed, and MCAP files without chunks 
 
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -62,8 +61,8 @@ class ReadableFiles:
         found = McapFile(source)
         if found.is_indexed and self._mode != "message":
             return found
-        with opened(source) as stream, closing(read_data(stream)) as records:
-            copy = self._copy(file, records)
+        with opened(source) as stream:
+            copy = self._copy(file, read_data(stream))
             if copy.statistics.message_count != (stated := found.statistics.message_count):
                 number = copy.statistics.message_count
                 raise McapError(f"{number} messages were found, instead of {stated}")
