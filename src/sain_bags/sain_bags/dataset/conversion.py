@@ -249,6 +249,7 @@ def _shards(
         for shard in sharding.add(part.blocks, source.sha256):
             yield shard
             rows += _length(shard)
+            progress(read, pushes, rows)
         read += part.pushes
         progress(read, pushes, rows)
     for shard in sharding.rest():
