@@ -10,7 +10,7 @@ import pytest
 from sain_core import model
 from sain_core.errors import ConfigError, ModelUnavailableError
 from sain_core.guarding import plugins
-from sain_core.model import IdentityPrior, Model, as_model, check_rollout, check_step
+from sain_core.model import IdentityPrior, Model, check_rollout, check_step
 from sain_core.push import LENGTH, PUSH_SIZE, idle_pushes
 from sain_core.scene import MASS, make_scene
 from sain_core.shapes.bodies import Bodies
@@ -46,41 +46,17 @@ def test_the_identity_prior_moves_nothing_and_gives_a_copy():
     assert (scenes == 1).all()
 
 
-class Stranger:
-    """Has `step` alone, counts refusals, and has to be closed."""
-
-    refused = 3
-    closed = False
-
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        return scenes + 1.0
-
-    def close(self) -> None:
-        self.closed = True
-
-
 def test_step_alone_gives_a_model():
-    stranger = Stranger()
-    model = as_model(stranger)
-    assert as_model(model) is model
+    model = Shift()
     scene, pushes = np.zeros((2, 8)), np.ones((3, 2, PUSH_SIZE))
-    predicted = model.rollout(scene, pushes)
-    np.testing.assert_array_equal(predicted[:, 1], np.full((3, 2, 8), 2.0))
-    assert model.regions(scene, pushes, predicted) is None
+    assert model.regions(scene, pushes, model.rollout(scene, pushes)) is None
     assert model.condition(PushHistory.empty()) is model
     assert model.with_unknown_masses() is model
-    assert model.refused == 3 and Shift().refused is None
-    with pytest.raises(ConfigError, match="Stranger takes no belief; 'sain' does"):
+    assert model.refused is None
+    with pytest.raises(ConfigError, match="Shift takes no belief; 'sain' does"):
         model.with_belief(Path("belief.json"))
-    with pytest.raises(ConfigError, match="Stranger can only predict disks"):
+    with pytest.raises(ConfigError, match="Shift can only predict disks"):
         model.with_bodies(Bodies.named(("t",)))
-    model.close()
-    assert stranger.closed
-
-
-def test_what_can_be_no_model_is_refused_and_told_what_is_missing():
-    with pytest.raises(ConfigError, match="a object has no method step"):
-        as_model(object())
 
 
 SCENE = make_scene(np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 7.5]), np.array([0.08, 0.06]))
@@ -142,6 +118,8 @@ def test_an_unknown_name_is_refused_with_the_nearest(asked):
     message = r"model 'planer' is unknown \(did you mean 'planar'\?\); known: broken, planar"
     with pytest.raises(ConfigError, match=message):
         model.load_dynamics("planer")
+    with pytest.raises(ConfigError, match="offering:broken returned a object; a model inherits"):
+        model.load_dynamics("broken")
     assert not asked
 
 

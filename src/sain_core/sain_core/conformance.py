@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 import numpy as np
 
 from sain_core.errors import ModelUnavailableError, SainError
-from sain_core.model import Dynamics, Model, as_model, check_rollout, check_step
+from sain_core.model import Model, check_rollout, check_step
 from sain_core.push import LENGTH, PushLimits
 from sain_core.scene import POSE, THETA, is_settled, make_scene, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
@@ -24,20 +24,18 @@ PUSHES: Final = 12
 HORIZON: Final = 3
 
 
-def check_dynamics(dynamics: Dynamics, disks: tuple[int, ...] = (2, 3)) -> None:
-    """Check that a dynamics keeps the contract, by predictions of random pushes.
+def check_dynamics(model: Model, disks: tuple[int, ...] = (2, 3)) -> None:
+    """Check that a model keeps the contract, by predictions of random pushes.
 
     `disks` is how many the scenes have; a model that takes two only is checked with (2,).
 
     Raises:
         ModelUnavailableError: naming all that it does not keep.
-        ConfigError: see `sain_core.model.as_model`.
     """
-    model = as_model(dynamics)
     broken = [line for count in disks for line in violations(model, count)]
     if broken:
         text = "".join(f"\n  * {line}" for line in dict.fromkeys(broken))
-        raise ModelUnavailableError(f"{type(dynamics).__name__} does not keep the contract:{text}")
+        raise ModelUnavailableError(f"{type(model).__name__} does not keep the contract:{text}")
 
 
 def violations(model: Model, disks: int = 2) -> list[str]:

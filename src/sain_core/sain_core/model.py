@@ -1,4 +1,4 @@
-"""The one contract of everything that predicts a push: `Dynamics`, `RolloutModel`, and `Model`.
+"""The one contract of everything that predicts a push: `Model`, of which planners need a part.
 
 The four kinds of the paper's Fig. 1 all are a `Model`; planner, evaluation and service take any of
 them. One step is one whole push, from settled scene to settled scene. Who writes a model inherits
@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint
 from math import log
 from pathlib import Path
-from typing import Any, Final, Protocol, Self, runtime_checkable
+from typing import Final, Protocol, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -31,62 +31,30 @@ Radii = Float[ndarray, "K H N"]
 REGION_STD: Final = (-2.0 * log(0.1)) ** 0.5  # radius over standard deviation of a 90 % circle
 
 
-@runtime_checkable
-class Dynamics(Protocol):
-    """Predicts where whole pushes lead. Pure: the same input gives the same output."""
-
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8)."""
-        ...
-
-
-@runtime_checkable
 class RolloutModel(Protocol):
-    """Predicts whole sequences of pushes from one scene: what a planner needs."""
+    """Predicts sequences of pushes from one scene, which is what a planner needs: see `Model`."""
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
-
-        Entry ``[k, h]`` is the scene *after* push h of sequence k.
-        """
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, A)."""
         ...
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
     ) -> Radii | None:
-        """Return the radius [m] of the region that should hold each disk after each push.
-
-        Each push is looked at by itself: as if the scene that it was predicted to start from were
-        right.
-
-        Args:
-            scene: (N, 8), before the first push.
-            pushes: (K, H, A).
-            predicted: (K, H, N, 8), what this model predicted for them.
-
-        Returns:
-            (K, H, N), or None where the model has no regions.
-        """
+        """Return the radius [m] of the region that should hold each body (K, H, N)."""
         ...
 
     def with_bodies(self, bodies: Bodies) -> "RolloutModel":
-        """Return the model for these bodies. Pure: `self` stays as it is.
-
-        Raises:
-            ConfigError: it cannot predict such bodies.
-        """
+        """Return the model for these bodies."""
         ...
 
     def condition(self, history: PushHistory) -> "RolloutModel":
-        """Return the model conditioned on an episode's earlier pushes. Pure likewise.
-
-        Without pushes it is the model itself.
-        """
+        """Return the model conditioned on an episode's earlier pushes."""
         ...
 
 
 class Model(ABC):
-    """A `Dynamics` and a `RolloutModel`, given `step` alone.
+    """Predicts pushes: a `RolloutModel`, given `step` alone. Pure: same input, same output.
 
     The other methods are those of a model of disks that infers nothing from earlier pushes. They
     are there to be overridden.
@@ -97,9 +65,10 @@ class Model(ABC):
         """Predict the settled scenes (B, N, 8) after pushes (B, A) from scenes (B, N, 8)."""
 
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) with H batched steps of at most K pushes.
+        """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
 
-        Pushes of zero length move nothing, so that no step is made of them.
+        Entry ``[k, h]`` is the scene *after* push h of sequence k. Pushes of zero length move
+        nothing, so that no step is made of them.
         """
         samples, horizon, _ = pushes.shape
         predicted = np.empty((samples, horizon, *scene.shape))
@@ -114,25 +83,29 @@ class Model(ABC):
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
     ) -> Radii | None:
-        """Return None: it has no regions; see `RolloutModel`."""
+        """Return the radius [m] of the region that should hold each body after each push (K, H, N).
+
+        Each push is looked at by itself: as if the scene that it was `predicted` (K, H, N, 8) to
+        start from were right. None: the model has no regions.
+        """
         return None
 
     def with_bodies(self, bodies: Bodies) -> Self:
-        """Return the model itself, for disks and for cubes, which stand in for them.
+        """Return the model for these bodies; by default itself, for disks and for cubes.
 
         Raises:
-            ConfigError: for other bodies.
+            ConfigError: it cannot predict such bodies.
         """
         if bodies.stand_in_for_disks:
             return self
         names = ", ".join(shape.name for shape in bodies.shapes)
         raise ConfigError(
-            f"{self._name} can only predict disks with the paper's roles; the bodies are {names}:"
-            " use a model for any shape, such as sain, or give it the method with_bodies"
+            f"{type(self).__name__} can only predict disks with the paper's roles; the bodies are"
+            f" {names}: use a model for any shape, such as sain, or give it the method with_bodies"
         )
 
     def condition(self, history: PushHistory) -> Self:
-        """Return the model itself: it infers nothing from earlier pushes."""
+        """Return the model conditioned on an episode's earlier pushes; by default itself."""
         return self
 
     @property
@@ -150,7 +123,7 @@ class Model(ABC):
             ConfigError: it takes no belief, or none like this.
         """
         raise ConfigError(
-            f"{self._name} takes no belief; 'sain' does, and checkpoints on planar priors"
+            f"{type(self).__name__} takes no belief; 'sain' does, and checkpoints on planar priors"
         )
 
     def with_unknown_masses(self) -> Self:
@@ -165,10 +138,6 @@ class Model(ABC):
     def close(self) -> None:  # noqa: B027 - there is nothing to release
         """Release what it holds."""
 
-    @property
-    def _name(self) -> str:
-        return type(self).__name__
-
 
 class IdentityPrior(Model):
     """f_p(s, a) = s: the prior that the paper deploys (section II-D)."""
@@ -180,53 +149,6 @@ class IdentityPrior(Model):
     def with_bodies(self, bodies: Bodies) -> Self:
         """Return the same: it moves no body of any shape."""
         return self
-
-
-class _OnlySteps(Model):
-    """A `Model` of an object that has only `step`."""
-
-    def __init__(self, dynamics: Any) -> None:
-        self._dynamics = dynamics
-
-    def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        predicted: Scenes = self._dynamics.step(scenes, pushes)
-        return predicted
-
-    @property
-    def refused(self) -> int | None:
-        return getattr(self._dynamics, "refused", None)
-
-    def close(self) -> None:
-        getattr(self._dynamics, "close", lambda: None)()
-
-    @property
-    def _name(self) -> str:
-        return type(self._dynamics).__name__
-
-
-MORE: Final = ("rollout", "regions", "with_bodies", "condition", "with_belief")  # beyond `step`
-
-
-def as_model(dynamics: object) -> Model:
-    """Return a model: what is none becomes one by its `step`.
-
-    Raises:
-        ConfigError: it has no `step`, or methods of `Model` without being one, which nobody calls.
-    """
-    if isinstance(dynamics, Model):
-        return dynamics
-    what = type(dynamics).__name__
-    if not callable(getattr(dynamics, "step", None)):
-        raise ConfigError(
-            f"a {what} has no method step(scenes, pushes); a model inherits from"
-            " sain_core.model.Model and implements it"
-        )
-    if more := [name for name in MORE if hasattr(dynamics, name)]:
-        raise ConfigError(
-            f"a {what} has {' and '.join(more)}, and does not inherit from sain_core.model.Model:"
-            " let it, and override the methods that Model has"
-        )
-    return _OnlySteps(dynamics)
 
 
 def scenes_before(scene: Scene, predicted: PredictedScenes) -> PredictedScenes:
@@ -245,11 +167,6 @@ MODELS: Final = Plugins(
     hidden=(CHECKPOINT, LABORATORY),
     more=", the path of a checkpoint, or lab:NAME of a laboratory",
 )
-
-
-def dynamics_names() -> list[str]:
-    """Return the names of all models that installed packages offer."""
-    return MODELS.names()
 
 
 def check_model_name(name_or_path: str) -> EntryPoint:
@@ -281,10 +198,14 @@ def load_dynamics(name_or_path: str) -> Model:
     """
     entry = check_model_name(name_or_path)
     loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
-    try:
-        return as_model(loaded)
-    except ConfigError as error:
-        raise MODELS.wrong(entry, f"{entry.value} returned {error}", name_or_path) from error
+    if isinstance(loaded, Model):
+        return loaded
+    raise MODELS.wrong(
+        entry,
+        f"{entry.value} returned a {type(loaded).__name__}; a model inherits from"
+        " sain_core.model.Model and implements step(scenes, pushes)",
+        name_or_path,
+    )
 
 
 def as_observed(model: Model, unknown: str) -> Model:

@@ -10,7 +10,7 @@ import viser
 
 from sain_core.config import describe_values, show_value
 from sain_core.errors import ConfigError, SainError
-from sain_core.model import dynamics_names
+from sain_core.model import MODELS
 from sain_core.shapes.library import shape_names
 from sain_core.view.palette import PALETTE
 from sain_eval.scenes.scenarios import scenario_names
@@ -103,7 +103,7 @@ class ControlsView:
             choice.on_update(self._on_choice)
 
     def _add_model(self) -> None:
-        self._models = (*dynamics_names(), *checkpoints(Path("runs")))
+        self._models = (*MODELS.names(), *checkpoints(Path("runs")))
         self._model: Any = self._gui.add_dropdown(
             "model", (*self._models, NONE_YET), initial_value=NONE_YET
         )

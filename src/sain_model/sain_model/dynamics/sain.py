@@ -210,7 +210,7 @@ class SainDynamics(Model):
     ) -> Radii | None:
         """Return the radii (K, H, N) [m] of the regions that should hold each body.
 
-        None without fitted regions: see `sain_core.model.RolloutModel`.
+        None without fitted regions: see `sain_core.model.Model`.
         """
         if self.network is None or self.network.intervals is None:
             return None

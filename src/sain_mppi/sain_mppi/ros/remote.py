@@ -117,7 +117,7 @@ class RemoteRollout:
     ) -> Radii | None:
         """Return how sure the model is of a rollout (K, H, N) [m]; None: it cannot tell.
 
-        The model predicts once more; see `sain_core.model.RolloutModel`.
+        The model predicts once more; see `sain_core.model.Model`.
 
         Raises:
             ModelUnavailableError: as `rollout`.
