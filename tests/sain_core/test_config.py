@@ -58,7 +58,7 @@ def test_what_is_no_number_is_refused_with_what_is_allowed(value):
 @pytest.mark.parametrize("settings", [{"radius": True}, {"lengths": [0.1, False]}])
 def test_true_in_a_file_is_no_number(settings):
     with pytest.raises(
-        TypeError, match=r"(radius|lengths\[1\]) is (True|False); it must be of type"
+        TypeError, match=r"(radius|lengths\[1\]) is (True|False); it must be a number"
     ):
         typed_settings(Tool, settings)
 

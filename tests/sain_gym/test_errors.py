@@ -84,7 +84,7 @@ def test_a_step_before_the_first_episode_and_after_the_end(make):
         ({"observation": "pixels"}, "observation is 'pixels'; allowed: 'state', 'image'"),
         ({"tolerance": NAN}, "tolerance is nan; it must be finite"),
         ({"tolerance": 0.2}, "tolerance is 0.2 m; it must be at most 0.075 m"),
-        ({"image_size": 96.5}, "image_size is 96.5; it must be of type int"),
+        ({"image_size": 96.5}, "image_size is 96.5; it must be an integer"),
         ({"goal": 1}, "no setting goal; allowed: scenario, engine, .*, render_mode"),
         ({"engine": "mujoco", "world": "rough"}, "engine mujoco cannot simulate direction"),
         ({"render_mode": "ansi"}, "render_mode is 'ansi'; allowed: None, 'rgb_array'"),

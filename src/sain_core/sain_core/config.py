@@ -10,6 +10,7 @@ default stands in one place only.
 """
 
 import dataclasses
+from array import array
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field
 from math import isfinite, pi
@@ -29,6 +30,9 @@ OTHER_UNITS: Final = {
     "rad": ("degrees", pi / 180),
     "rad/s": ("degrees/s", pi / 180),
 }
+TYPE_NAMES: Final = {
+    float: "a number", int: "an integer", bool: "true or false", str: "a string", tuple: "a list",
+}  # fmt: skip
 LARGEST: Final = 1e12  # number that a user's file may give where nothing else limits it
 MOST_SEED: Final = 2**31 - 1  # so that it, and those counted on from it, fit in messages and rows
 
@@ -45,14 +49,7 @@ def option(
 ) -> T:
     """Declare a field of a `Config` with its unit, meaning and allowed values.
 
-    Args:
-        default: its value when none is given; `required` declares a field without one.
-        description: its meaning.
-        unit: of the value.
-        minimum: smallest value that is allowed.
-        maximum: largest value that is allowed.
-        choices: all values that are allowed.
-        live: whether, as a ROS parameter, it may be changed while its node runs.
+    One that is `live` may be changed, as a ROS parameter, while its node runs.
     """
     about = {
         "description": description,
@@ -100,11 +97,7 @@ def show_value(value: object) -> str:
 
 @dataclass(frozen=True)
 class Config:
-    """Base of every settings class: checks each field against its declaration.
-
-    Raises:
-        ConfigError: naming the field, the value and what is allowed.
-    """
+    """Base of every settings class: checks each field, or raises `ConfigError`."""
 
     def __post_init__(self) -> None:
         """Check every field, and those of nested settings are checked by themselves."""
@@ -113,12 +106,7 @@ class Config:
 
 
 def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> None:
-    """Check the value of one field against its declaration.
-
-    Raises:
-        ConfigError: giving the field this name, with the place in a tuple, the value and what is
-            allowed.
-    """
+    """Check the value of one field, which errors call `field_name`; raises `ConfigError`."""
     unit = f" {item.metadata['unit']}" if item.metadata.get("unit") else ""
     choices = item.metadata.get("choices")
     if choices is not None and value not in choices:
@@ -137,22 +125,17 @@ def check_field(field_name: str, item: "dataclasses.Field[Any]", value: Any) -> 
             raise ConfigError(f"{name} is {number}; it must be finite")
         if unit == " rad":  # no field's angle is more than a turn
             low, high = -TURN if low is None else low, TURN if high is None else high
-        if low is not None and number < low:
+        allowed = f"at least {low}" if low is not None and number < low else ""
+        allowed = f"at most {high}" if high is not None and number > high else allowed
+        if allowed:
             hint = _other_unit(number, low, high, unit.strip())
-            raise ConfigError(f"{name} is {number}{unit}; it must be at least {low}{unit}{hint}")
-        if high is not None and number > high:
-            hint = _other_unit(number, low, high, unit.strip())
-            raise ConfigError(f"{name} is {number}{unit}; it must be at most {high}{unit}{hint}")
+            raise ConfigError(f"{name} is {number}{unit}; it must be {allowed}{unit}{hint}")
 
 
 def check_number(
     name: str, value: Any, low: float, high: float, unit: str = "", whole: bool = False
 ) -> float:
-    """Return a number that a user's file gives; `true` and `false` are none.
-
-    Raises:
-        ConfigError: it is none, not between `low` and `high`, or not `whole` though it must be.
-    """
+    """Return a number that a user's file gives, or raise `ConfigError`; `true` is none."""
     is_number = is_of(value, (int,) if whole else (int, float))
     if not (is_number and low <= value <= high):  # not NaN either
         hint = _other_unit(value, low, high, unit) if is_number else ""
@@ -165,11 +148,7 @@ def check_number(
 def check_numbers(
     name: str, values: Any, size: int | None, most: float = LARGEST, unit: str = ""
 ) -> list[float]:
-    """Return a list of so many numbers, up to `most` and down to its negative.
-
-    Raises:
-        ConfigError: it is no such list; or as `check_number`, with the place in the list.
-    """
+    """Return a list of so many numbers, from `-most` to `most`; raises `ConfigError`."""
     if not isinstance(values, list) or size not in (None, len(values)):
         count = "" if size is None else f"{size} "
         raise ConfigError(f"{name} is {shown(values)}; it must be a list of {count}numbers")
@@ -180,11 +159,7 @@ def check_numbers(
 
 
 def check_text(name: str, value: Any, least: int = 1, most: int = LONGEST_NAME) -> str:
-    """Return a text that a user's file gives.
-
-    Raises:
-        ConfigError: it is none, too short or too long.
-    """
+    """Return a text that a user's file gives; raises `ConfigError`: none, too short or too long."""
     if not isinstance(value, str) or not least <= len(value) <= most:
         raise ConfigError(
             f"{name} is {shown(value, most)}; it must be a text of {least} to {most} characters"
@@ -198,11 +173,7 @@ def is_of(value: Any, kinds: tuple[type, ...]) -> bool:
 
 
 def check_angle(name: str, value: Any, turns: int = 1) -> float:
-    """Return an angle [rad] that a user's file gives; beyond so many turns it is in degrees.
-
-    Raises:
-        ConfigError: as `check_number`.
-    """
+    """Return an angle [rad] that a user's file gives; beyond so many turns it is in degrees."""
     return check_number(name, value, -turns * TURN, turns * TURN, "rad")
 
 
@@ -250,38 +221,22 @@ def with_settings(settings: C, values: Mapping[str, Any], prefix: str = "") -> C
 
 
 def typed_settings(kind: type["Config"], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Return settings that come from JSON, lists as tuples and objects as nested settings.
-
-    Raises:
-        TypeError: naming the one whose value is not of the right type.
-    """
-    right, typed = get_type_hints(kind), dict(settings)
-    for name, value in settings.items():
-        hint = right.get(name, object)
-        if get_origin(hint) is tuple and isinstance(value, list):
-            typed[name] = _elements(name, value, get_args(hint)[0])
-        elif isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
-            typed[name] = hint(**typed_settings(hint, value))
-        else:
-            allowed = _allowed_types(hint)
-            if not is_of(value, allowed):
-                raise TypeError(f"{name} is {value!r}; it must be of type {allowed[-1].__name__}")
-            typed[name] = (
-                float(settings[name]) if hint is float else value
-            )  # NumPy takes no large integers
-    return typed
+    """Return settings that come from JSON, lists as tuples and objects as nested settings."""
+    right = get_type_hints(kind)
+    return {name: typed(name, right.get(name, object), value) for name, value in settings.items()}
 
 
-def _allowed_types(hint: Any) -> tuple[type, ...]:
-    """Return the types of values; a command line makes its choices the hint of a text."""
-    if get_origin(hint) is Literal:
-        return (str,)
-    return (int, float) if hint is float else (tuple if get_origin(hint) is tuple else hint,)
-
-
-def _elements(name: str, values: list[Any], hint: Any) -> tuple[Any, ...]:
-    allowed = _allowed_types(hint)
-    for place, value in enumerate(values):
-        if hint in (bool, int, float, str) and not is_of(value, allowed):
-            raise TypeError(f"{name}[{place}] is {value!r}; it must be of type {hint.__name__}")
-    return tuple(float(value) for value in values) if hint is float else tuple(values)
+def typed(name: str, hint: Any, value: Any) -> Any:
+    """Return a value of JSON or of a parameter in the type of its field; raises `TypeError`."""
+    is_tuple = get_origin(hint) is tuple
+    if is_tuple and isinstance(value, list | tuple | array):
+        kinds = get_args(hint)
+        if kinds[-1] is not Ellipsis and len(value) != len(kinds):
+            raise TypeError(f"{name} has {len(value)} values; it must have {len(kinds)}")
+        return tuple(typed(f"{name}[{place}]", kinds[0], one) for place, one in enumerate(value))
+    if isinstance(value, dict) and isinstance(hint, type) and issubclass(hint, Config):
+        return hint(**typed_settings(hint, value))
+    kind = str if get_origin(hint) is Literal else tuple if is_tuple else hint
+    if not is_of(value, (int, float) if kind is float else (kind,)):
+        raise TypeError(f"{name} is {value!r}; it must be {TYPE_NAMES.get(kind, kind)}")
+    return float(value) if kind is float else value  # NumPy takes no large integers

@@ -25,12 +25,9 @@ HORIZON: Final = 3
 
 
 def check_dynamics(model: Model, disks: tuple[int, ...] = (2, 3)) -> None:
-    """Check that a model keeps the contract, by predictions of random pushes.
+    """Check that a model keeps the contract, by predictions of random pushes of so many disks.
 
-    `disks` is how many the scenes have; a model that takes two only is checked with (2,).
-
-    Raises:
-        ModelUnavailableError: naming all that it does not keep.
+    Raises `ModelUnavailableError`, which names all that it does not keep.
     """
     broken = [line for count in disks for line in violations(model, count)]
     if broken:

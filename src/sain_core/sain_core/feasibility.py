@@ -75,25 +75,15 @@ class Reach(Config):
 
 @dataclass(frozen=True, eq=False)
 class ReachTable(Reach):
-    """Squares in all of which the tool can stand, as an arm's driver found them.
+    """Squares in all of which the tool can stand, as an arm's driver found them."""
 
-    Attributes:
-        corner: lowest x and y [m] of the squares.
-        cell: their side [m].
-        free: (Y, X), which of them the tool can stand in.
-    """
-
-    corner: tuple[float, float] = (0.0, 0.0)
+    corner: tuple[float, float] = (0.0, 0.0)  # lowest x and y [m] of the squares
     cell: float = option(0.02, "side of a square", unit="m", minimum=0.001, maximum=0.2)
     free: Bool[ndarray, "Y X"] = field(default_factory=lambda: np.ones((1, 1), dtype=bool))
 
     @classmethod
     def of(cls, corner: tuple[float, float], cell: float, free: Bool[ndarray, "Y X"]) -> Self:
-        """Return a table of squares (Y, X).
-
-        Raises:
-            InvalidInputError: there is no square that the tool can stand in.
-        """
+        """Return a table of squares (Y, X), or raise `InvalidInputError`: none is in reach."""
         if free.ndim != 2 or not free.any():
             raise InvalidInputError(
                 f"the table of reach has {free.shape} squares, none of them in reach; at least one"
@@ -229,18 +219,6 @@ def start_gap(
     return gap
 
 
-def place_gap(scene: Scene, place: Points, bodies: Bodies = PAPER_DISKS) -> float:
-    """Return the smallest distance [m] from a place (2,) to any body of a scene (N, 8).
-
-    Negative or 0: it is inside of a body.
-    """
-    gaps = (
-        _way_to_body(place[None], place[None], state[None], shape)[0]
-        for state, shape in zip(scene, bodies.fitted(len(scene)).shapes, strict=True)
-    )
-    return float(min(gaps))
-
-
 @lru_cache(maxsize=128)
 def _start_gaps(shape: Shape, radius: float, limits: PushLimits) -> tuple[Scalars, Scalars]:
     """Return locations [rad] all along an outline, and the gaps [m] of a tool that starts there.
@@ -351,19 +329,13 @@ RETREAT: Final = 0.01  # [m], room for errors of the places that bodies are take
 
 @dataclass(frozen=True)
 class Stroke:
-    """A straight line of the tool from start (2,) to end (2,) [m] in the world.
-
-    Attributes:
-        heading: of its travel [rad].
-        speed: of its travel [m/s].
-        body: the one that it pushes.
-    """
+    """A straight line of the tool from start (2,) to end (2,) [m] in the world."""
 
     start: Float[ndarray, "2"]
     end: Float[ndarray, "2"]
-    heading: float
-    speed: float = DEFAULT_SPEED
-    body: int = MID
+    heading: float  # of its travel [rad]
+    speed: float = DEFAULT_SPEED  # [m/s]
+    body: int = MID  # the one that it pushes
 
     @classmethod
     def of_push(
@@ -398,12 +370,8 @@ def checked_stroke(
     back by `RETREAT`.
 
     Raises:
-        InvalidInputError: wrong shape, NaN or Inf.
-        OutOfRangeError: a value outside its range.
-        OffTableError: a body has left the table.
-        StaleSceneError: the bodies still move.
-        UnreachableError: a way that leaves the reach.
-        BlockedError: a body is in the tool's way.
+        SainError: as `PushLimits.check` and `Feasibility.check_way`; a body has left the table, or
+            the bodies still move.
     """
     limits = feasibility.limits
     limits.check(push, bodies)
@@ -426,13 +394,15 @@ def checked_stroke(
 
 
 def _withdrawn(stroke: Stroke, scene: Scene, feasibility: Feasibility, bodies: Bodies) -> Stroke:
-    """Return a stroke that starts further back, for bodies that are seen elsewhere.
-
-    Raises:
-        BlockedError: the tool would be lowered into a body of the scene (N, 8) as it is.
-    """
+    """Return a stroke that starts further back, for bodies that are seen elsewhere."""
     withdrawn = stroke.from_further_back(RETREAT)
-    gap = place_gap(scene, withdrawn.start, bodies) - feasibility.limits.tool_radius
+    place = withdrawn.start[None]
+    shapes = bodies.fitted(len(scene)).shapes
+    gaps = (
+        _way_to_body(place, place, state[None], shape)[0]
+        for state, shape in zip(scene, shapes, strict=True)
+    )
+    gap = float(min(gaps)) - feasibility.limits.tool_radius
     if gap < 0.0:
         raise BlockedError(
             f"the tool would be lowered {-1e3 * gap:.1f} mm into a body: it stands elsewhere than"

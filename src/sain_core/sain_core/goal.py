@@ -30,23 +30,14 @@ OBSERVED: Final = ("wanted", "x", "y", "theta_wanted", "theta")  # of a body, by
 
 @dataclass(frozen=True)
 class BodyPose:
-    """Where one body should come to rest.
+    """Where one body should come to rest."""
 
-    Attributes:
-        body: its row in the scene.
-        x: [m].
-        y: [m].
-        heading: [rad], modulo the symmetry of its shape; None: any.
-        tolerance: [m], of the place.
-        heading_tolerance: [rad].
-    """
-
-    body: int
-    x: float
-    y: float
-    heading: float | None = None
-    tolerance: float = TOLERANCE
-    heading_tolerance: float = TURN_PER_METRE * TOLERANCE
+    body: int  # its row in the scene
+    x: float  # [m]
+    y: float  # [m]
+    heading: float | None = None  # [rad], modulo the symmetry of its shape; None: any
+    tolerance: float = TOLERANCE  # [m], of the place
+    heading_tolerance: float = TURN_PER_METRE * TOLERANCE  # [rad]
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -63,17 +54,11 @@ class BodyPose:
 
 @dataclass(frozen=True)
 class Goal:
-    """Poses of one or several bodies, and bodies that may not be moved.
+    """Poses of one or several bodies, and bodies that may not be moved."""
 
-    Attributes:
-        poses: one or more, at most one for each body.
-        keep: bodies that must stay where they are when the goal is given.
-        keep_tolerance: [m], by which these may be moved.
-    """
-
-    poses: tuple[BodyPose, ...]
-    keep: tuple[int, ...] = ()
-    keep_tolerance: float = KEEP_TOLERANCE
+    poses: tuple[BodyPose, ...]  # one or more, at most one for each body
+    keep: tuple[int, ...] = ()  # bodies that must stay where they are when the goal is given
+    keep_tolerance: float = KEEP_TOLERANCE  # [m], by which these may be moved
 
     def __post_init__(self) -> None:
         """Check the numbers."""
@@ -147,13 +132,7 @@ class Goal:
         return np.array([*np.ravel(poses), *self.keep], dtype=np.float64)
 
     def check(self, scene: Scene, bodies: Bodies, table: Table) -> None:
-        """Check that these bodies can have these poses.
-
-        Raises:
-            InvalidInputError: two poses for one body, a body that does not exist, a heading for a
-                disk, a pose for a fixed body, poses that overlap each other or a fixed body.
-            OffTableError: a pose off the table.
-        """
+        """Check that these bodies can have these poses, on a table."""
         for pose in self.poses:
             self._check_pose(pose, bodies)
         self.check_places(table)
@@ -260,23 +239,14 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """How far a scene is from a goal, and whether that is near enough.
-
-    Attributes:
-        goal: P poses, and K bodies to be kept.
-        distances: (P,) [m], of the bodies to their places.
-        turns: (P,) [rad], at least 0, of the bodies to their headings; 0 where any will do.
-        ways: (K,) [m], by which bodies that are to be kept were moved.
-        at_rest: whether all bodies are.
-        on_table: whether all bodies are.
-    """
+    """How far a scene is from a goal of P poses and K bodies to be kept."""
 
     goal: Goal
-    distances: Float[ndarray, "P"]
-    turns: Float[ndarray, "P"]
-    ways: Float[ndarray, "K"]
-    at_rest: bool
-    on_table: bool
+    distances: Float[ndarray, "P"]  # [m], of the bodies to their places
+    turns: Float[ndarray, "P"]  # [rad], at least 0, to their headings; 0 where any will do
+    ways: Float[ndarray, "K"]  # [m], by which bodies that are to be kept were moved
+    at_rest: bool  # whether all bodies are
+    on_table: bool  # whether all bodies are
 
     @property
     def distance(self) -> float:
@@ -338,11 +308,7 @@ def heading_error(headings: Angles, pose: BodyPose, bodies: Bodies) -> Angles:
 def check_tolerance(
     tolerance: float, what: str = "the tolerance", most: float = MOST_TOLERANCE, unit: str = "m"
 ) -> float:
-    """Return a tolerance when it is positive, and not too large to mean anything.
-
-    Raises:
-        OutOfRangeError: it is not, or NaN.
-    """
+    """Return a tolerance that is positive and not too large, or raise `OutOfRangeError`."""
     if not 0.0 < tolerance <= most:
         raise OutOfRangeError(
             f"{what} is {tolerance} {unit}; allowed: above 0, up to {most:g} {unit}"

@@ -114,13 +114,10 @@ class Model(ABC):
         return False
 
     def with_belief(self, path: Path) -> Self:
-        """Return the model with the belief in a file of ``sain_model identify``.
+        """Return the model that begins each episode with a belief of ``sain_model identify``.
 
-        Each episode begins with it.
-
-        Raises:
-            CheckpointError: no such file, or not a belief.
-            ConfigError: it takes no belief, or none like this.
+        Raises `CheckpointError`: no such file, or not a belief; `ConfigError`: it takes none like
+        this.
         """
         raise ConfigError(
             f"{type(self).__name__} takes no belief; 'sain' does, and checkpoints on planar priors"
@@ -172,10 +169,8 @@ MODELS: Final = Plugins(
 def check_model_name(name_or_path: str) -> EntryPoint:
     """Return what offers a model of this name, or checkpoints; nothing is imported.
 
-    A name with a colon, as ``lab:my_table``, is for the model named before it to resolve.
-
-    Raises:
-        ConfigError: no installed package offers it, or two do.
+    A name with a colon, as ``lab:my_table``, is for the model named before it to resolve. Raises
+    `ConfigError`: no installed package offers it, or two do.
     """
     family, colon, _ = name_or_path.partition(":")
     if colon and family in MODELS.entries():
@@ -191,10 +186,8 @@ def check_model_name(name_or_path: str) -> EntryPoint:
 def load_dynamics(name_or_path: str) -> Model:
     """Return the model of this name, or the one in this checkpoint.
 
-    Raises:
-        ConfigError: neither a known name nor a path; two packages offer the name; its package
-            fails; or what it offers is no model. The message names the package.
-        CheckpointError: a checkpoint that is missing, damaged or of another version.
+    Raises `ConfigError`, which names the package that fails or offers no model; `CheckpointError`:
+    a checkpoint that is missing, damaged or of another version.
     """
     entry = check_model_name(name_or_path)
     loaded = MODELS.load(entry, lambda load: load(name_or_path), name_or_path)
@@ -209,11 +202,7 @@ def load_dynamics(name_or_path: str) -> Model:
 
 
 def as_observed(model: Model, unknown: str) -> Model:
-    """Return a model for scenes in which these names, with commas, are nominal.
-
-    Raises:
-        ConfigError: see `unknown_names`.
-    """
+    """Return a model for scenes in which these names, with commas, are nominal."""
     return model.with_unknown_masses() if MASSES in unknown_names(unknown) else model
 
 
@@ -233,11 +222,8 @@ def check_step(
 ) -> Scenes:
     """Return predicted scenes (..., N, 8) when they can follow from scenes (..., N, 8).
 
-    What is not `finite` is let through if asked: a search gives it no weight.
-
-    Raises:
-        ModelUnavailableError: no array, another shape, NaN or Inf, or disks of other masses or
-            radii. The message begins with how `model` is called.
+    Raises `ModelUnavailableError`, which begins with `model`: another shape, NaN or Inf, other
+    masses or radii. What is not `finite` is let through if asked: a search gives it no weight.
     """
     if not isinstance(predicted, ndarray):
         what = type(predicted).__name__

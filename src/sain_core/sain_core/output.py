@@ -39,17 +39,11 @@ _claimed: Final[set[Path]] = set()  # folders that get a manifest with the first
 
 
 def claim_folder(folder: Path, names: Iterable[str] = (), overwrite: bool = False) -> Path:
-    """Check that these files can be written to a folder, which need not exist; return its path.
+    """Check that files can be written to a folder, which need not exist; return its path.
 
-    Args:
-        folder: for a command's results.
-        names: of the files to come, below the folder; or patterns of names.
-        overwrite: whether files of others may be replaced.
-
-    Raises:
-        OutputError: it is no folder, holds other files and SAIN did not make it, or cannot be
-            written; a name is taken by a file of others, a folder, a link or a device; or the disk
-            is full.
+    The names of the files to come are below the folder, or patterns. Raises `OutputError`: it is no
+    folder, holds other files and SAIN did not make it, or cannot be written; a name is taken by a
+    file of others (which `overwrite` allows), a folder, a link or a device; the disk is full.
     """
     names = tuple(names)
     with _no_os_error(folder, "write to", OTHER):
@@ -101,11 +95,8 @@ def check_new(folder: Path) -> None:
 def write_file(path: Path, write: Callable[[IO[bytes]], object]) -> None:
     """Let write fill a file of a temporary name, and rename it when it is safe on the disk.
 
-    What was at the path before stays whole until then.
-
-    Raises:
-        OutputError: it would replace what is not ours, the folder cannot be written, or the disk is
-            full.
+    What was at the path before stays whole until then. Raises `OutputError`: it is not ours, the
+    folder cannot be written, or the disk is full.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}{PARTIAL}")
     with _no_os_error(path):
@@ -149,9 +140,7 @@ def append_json(path: Path, content: Any) -> None:
 def sign(path: Path, grows: bool = False) -> None:
     """Name a file of ours, which another library writes, in the nearest manifest above.
 
-    Args:
-        path: of the file; if it grows, its name may be a pattern.
-        grows: it is still written, so its content does not count.
+    Of one that `grows` the content does not count, and its name may be a pattern.
     """
     with _no_os_error(path):
         _sign(path, GROWS if grows else _digest(path))
@@ -174,13 +163,10 @@ def is_ours(path: Path) -> bool:
 
 
 def remove(path: Path) -> None:
-    """Remove a file of ours, or a folder with a manifest in which all is ours.
+    """Remove a file of ours, or a folder with a manifest in which all is ours, if it exists.
 
-    What does not exist is no error.
-
-    Raises:
-        OutputError: a link leads there, or it is or holds something that SAIN did not write; then
-            nothing is removed.
+    Raises `OutputError`: a link leads there, or it is or holds something that SAIN did not write;
+    then nothing is removed.
     """
     with _no_os_error(path, "remove"):
         _check_no_link(path)

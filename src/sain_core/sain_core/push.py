@@ -80,16 +80,16 @@ class PushLimits(Config):
         """Check the fields, and that the default speed is allowed."""
         super().__post_init__()
         if not self.min_speed <= self.speed <= self.max_speed:
-            raise ConfigError(
-                f"speed is {self.speed} m/s; allowed: [{self.min_speed}, {self.max_speed}] m/s"
-            )
+            raise ConfigError(f"speed is {self.speed} m/s; allowed: {self._speeds}")
+
+    @property
+    def _speeds(self) -> str:
+        return f"[{self.min_speed}, {self.max_speed}] m/s"
 
     def check(self, push: PushArray, bodies: Bodies = PAPER_DISKS) -> PushArray:
         """Return the push when it is inside the limits, and against a pushable body.
 
-        Raises:
-            InvalidInputError: wrong shape, NaN or Inf.
-            OutOfRangeError: a value outside its range; the message names both.
+        Raises `InvalidInputError`: shape, NaN or Inf; `OutOfRangeError`: a value outside its range.
         """
         if push.shape != (PUSH_SIZE,):
             raise InvalidInputError(
@@ -100,23 +100,16 @@ class PushLimits(Config):
             raise InvalidInputError(
                 f"{PUSH_NAMES[column]} of the push is {push[column]}; must be finite"
             )
-        if not -pi < push[LOCATION] <= pi:
-            raise OutOfRangeError(
-                f"push location is {_shown(push[LOCATION])} rad; allowed: (-pi, pi] (wrap it)"
-            )
-        if abs(push[ANGLE]) > self.max_angle:
-            raise OutOfRangeError(
-                f"push angle is {_shown(push[ANGLE])} rad; allowed: +-{self.max_angle:.4f} rad"
-            )
-        if not 0.0 <= push[LENGTH] <= self.max_length:
-            raise OutOfRangeError(
-                f"push length is {_shown(push[LENGTH])} m; allowed: [0, {self.max_length}] m"
-            )
-        if not self.min_speed <= push[SPEED] <= self.max_speed:
-            raise OutOfRangeError(
-                f"push speed is {_shown(push[SPEED])} m/s; allowed:"
-                f" [{self.min_speed}, {self.max_speed}] m/s"
-            )
+        ranges = (
+            (LOCATION, np.nextafter(-pi, 0.0), pi, "rad", "(-pi, pi] (wrap it)"),
+            (ANGLE, -self.max_angle, self.max_angle, "rad", f"+-{self.max_angle:.4f} rad"),
+            (LENGTH, 0.0, self.max_length, "m", f"[0, {self.max_length}] m"),
+            (SPEED, self.min_speed, self.max_speed, "m/s", self._speeds),
+        )
+        for column, low, high, name, allowed in ranges:
+            if not low <= push[column] <= high:
+                value = f"{_shown(push[column])} {name}"
+                raise OutOfRangeError(f"push {PUSH_NAMES[column]} is {value}; allowed: {allowed}")
         body = push[BODY]
         if body not in bodies.pushable:
             allowed, known = ", ".join(map(str, bodies.pushable)), range(len(bodies))
@@ -165,11 +158,7 @@ def make_stroke(
 
 
 def is_stroke(pushes: ndarray) -> bool:
-    """Return whether pushes state where the tool goes, in eight numbers.
-
-    Raises:
-        InvalidInputError: a push has neither five numbers nor eight.
-    """
+    """Return whether pushes state where the tool goes, in eight numbers, not five."""
     width = pushes.shape[-1] if pushes.ndim else 0
     if width not in (PUSH_SIZE, STROKE_SIZE):
         raise InvalidInputError(
@@ -190,10 +179,8 @@ def idle_pushes(*shape: int, size: int = PUSH_SIZE) -> Pushes:
 def check_predictable(pushes: Pushes) -> Pushes:
     """Return pushes that a model may be asked about: what `PushLimits` could allow, or any stroke.
 
-    Raises:
-        InvalidInputError: neither pushes (..., 5) nor strokes (..., 8), NaN or Inf.
-        OutOfRangeError: naming the first that is longer, slants more, or is slower or faster than
-            any arm's limits may, or has a tool that is thinner or wider.
+    Raises `InvalidInputError`: another shape, NaN or Inf; `OutOfRangeError`: the first number that
+    no arm's limits may allow.
     """
     stroke, finite = is_stroke(pushes), np.isfinite(pushes)
     if not finite.all():
@@ -249,17 +236,9 @@ def strokes(
 ) -> tuple[Points, Angles]:
     """Return where the tool's axis stands before it travels, and the world heading of its travel.
 
-    A stroke states both. In any other push it stands at the contact point, moved out along the
-    normal by the tool's radius and the clearance.
-
-    Args:
-        scenes: (..., N, 8).
-        pushes: (..., 5), or strokes (..., 8).
-        limits: for the tool's radius and the clearance.
-        bodies: of the scenes.
-
-    Returns:
-        Places (..., 2) [m] and headings (...,) [rad].
+    A stroke (..., 8) states both. In any other push (..., 5) of scenes (..., N, 8) it stands at the
+    contact point, moved out along the normal by the tool's radius and the clearance.
+    Places are (..., 2) [m], headings (...,) [rad].
     """
     if is_stroke(pushes):
         lead = np.broadcast_shapes(scenes.shape[:-2], pushes.shape[:-1])

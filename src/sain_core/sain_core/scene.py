@@ -80,9 +80,7 @@ def make_scene(
 def check_states(scene: Scene, table: Table | None = None) -> None:
     """Check an array that should be a scene (N, 8), but for overlaps.
 
-    Raises:
-        InvalidInputError: wrong shape, NaN or Inf, mass or radius not positive.
-        OffTableError: a body off the table, where that is given.
+    Raises `InvalidInputError`, and `OffTableError` where a table is given.
     """
     if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 1:
         raise InvalidInputError(f"a scene has shape (N, 8) with N >= 1, not {scene.shape}")

@@ -51,11 +51,7 @@ DAMAGE: Final = (
 
 
 def read_arrays(path: Path) -> dict[str, ndarray]:
-    """Read every array of an npz file.
-
-    Raises:
-        DatasetError: it does not exist, is truncated, or a bit of it has flipped.
-    """
+    """Read every array of an npz file; raises `DatasetError`: it is none, truncated, or damaged."""
     try:
         with open_regular(path) as file:
             if file.read(len(ZIP_MAGIC)) != ZIP_MAGIC:  # numpy would take it for a pickle
@@ -103,15 +99,9 @@ def _entries(file: IO[bytes]) -> int:
 
 
 def write_arrays(path: Path, arrays: Mapping[str, ndarray], deflate_numbers: bool = True) -> None:
-    """Write arrays as an npz file: whole, or not at all.
+    """Write arrays as an npz file: whole, or not at all, as `write_file`.
 
-    Args:
-        path: of the file.
-        arrays: by name.
-        deflate_numbers: compress all; else only texts, which repeat themselves: many times faster.
-
-    Raises:
-        OutputError: the folder cannot be written, or the disk is full.
+    Not to deflate numbers but texts alone, which repeat themselves, is many times faster.
     """
     whole = BytesIO()  # a zip archive goes back and forth, which is slow in a file
     with zipfile.ZipFile(whole, "w", compresslevel=1) as archive:

@@ -169,17 +169,11 @@ FRICTIONS: Final = (Column.FRICTION, Column.RIM_FRICTION, Column.TOOL_FRICTION)
 
 @dataclass(frozen=True, eq=False)
 class Transitions:
-    """M pushes as arrays, which have the names of the columns; the first axis counts pushes.
+    """M pushes as arrays, which have the names of the columns; the first axis counts pushes."""
 
-    Attributes:
-        state: (M, N, 8), settled, before each push.
-        action: (M, 5), or strokes (M, 8), as executed.
-        next_state: (M, N, 8), settled, after each push.
-    """
-
-    state: ndarray
-    action: ndarray
-    next_state: ndarray
+    state: ndarray  # (M, N, 8), settled, before each push
+    action: ndarray  # (M, 5), or strokes (M, 8), as executed
+    next_state: ndarray  # (M, N, 8), settled, after each push
 
     def __len__(self) -> int:
         """Return the number of pushes M."""
@@ -207,11 +201,7 @@ def describe_bodies(bodies: Bodies) -> dict[str, str]:
 
 
 def row_bodies(columns: Columns) -> list[Bodies]:
-    """Return the bodies of each row.
-
-    Raises:
-        DatasetError: shapes or roles that do not exist, or not one for each body.
-    """
+    """Return the bodies of each row; raises `DatasetError`: no such shapes or roles, or too few."""
     rows, count = len(columns[Column.STATE]), columns[Column.STATE][0].size // STATE_SIZE
     roles = columns[Column.ROLES].tolist() if Column.ROLES in columns else rows * [""]
     disks = BETWEEN.join(count * [DISK])
@@ -243,16 +233,10 @@ def centres(states: ndarray) -> Points:
 def draw_parts(
     labels: Int[ndarray, "M"], seed: int, validation: float, test: float
 ) -> tuple[Mask, Mask, Mask]:
-    """Return which rows (M,) are to train, validate and test on.
+    """Return which rows (M,) are to train, validate and test on, by the episode of each row (M,).
 
-    Args:
-        labels: the episode of each row.
-        seed: decides which episodes go where.
-        validation: share of the episodes to choose the best epoch by.
-        test: share of the episodes held out; 0: none are.
-
-    Raises:
-        DatasetError: too few episodes for the parts.
+    `validation` and `test` are shares of the episodes; 0 to test: none. Raises `DatasetError`: too
+    few episodes.
     """
     episodes = np.unique(labels)
     held = [max(round(share * len(episodes)), 1) if share else 0 for share in (validation, test)]
@@ -287,13 +271,8 @@ def changed_kinds(before: Scenes, after: Scenes) -> Float[ndarray, "*M N 2"]:
 class PushHistory(Transitions):
     """P earlier pushes of one episode, the oldest first.
 
-    Attributes:
-        noise: (P, N), standard deviation [m] of each coordinate of the way that a body was seen to
-            move; None: the scenes are exact.
-
-    Raises:
-        InvalidInputError: arrays that do not fit together, NaN or Inf, a noise that is negative, or
-            a mass or radius that is not positive or that a push changed by more than `SAME_KIND`.
+    `noise` (P, N) [m] is the standard deviation of each coordinate of the way that a body was seen
+    to move; None: the scenes are exact.
     """
 
     noise: Float[ndarray, "P N"] | None = None

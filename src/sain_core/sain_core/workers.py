@@ -97,15 +97,10 @@ class Software:
 
 @dataclass(frozen=True)
 class Work:
-    """Work that workers share.
+    """Work that workers share."""
 
-    Attributes:
-        start: makes, in a worker, what does jobs by `run`, one after another, until `close`.
-        software: what the results depend on.
-    """
-
-    start: Callable[[], Any]
-    software: Software
+    start: Callable[[], Any]  # makes, in a worker, what does jobs by `run` until `close`
+    software: Software  # what the results depend on
 
 
 def run_on_workers(
@@ -113,11 +108,9 @@ def run_on_workers(
 ) -> Generator[Any, None, None]:
     """Do all jobs; yield their results in the order of the jobs, or else as they come.
 
-    One worker without Ray is this process. Workers end with this process, killed or not.
-
-    Raises:
-        ConfigError: there is no such Ray cluster, or a machine of it has other software.
-        SainError: a job cannot be done, or a worker died.
+    One worker without Ray is this process. Workers end with this process, killed or not. Raises
+    `ConfigError`: no such Ray cluster, or a machine of it has other software; `SainError`: a job
+    cannot be done, or a worker died.
     """
     size = min(options.workers, len(jobs))
     if options.ray and jobs:
@@ -216,16 +209,10 @@ def _runner(task: bytes) -> Any:
 
 @contextmanager
 def ray_cluster(address: str, workers: int) -> Iterator[None]:
-    """Make a Ray cluster the backend "ray" of joblib, and turn its errors into ours.
+    """Make a Ray cluster with so many CPUs the backend "ray" of joblib, and its errors ours.
 
-    Args:
-        address: "local": start one on this machine for as long as it is needed, reachable from
-            this machine alone; "auto": the one that runs on this machine; else HOST:PORT.
-        workers: CPUs that are needed.
-
-    Raises:
-        ConfigError: Ray is not installed, nothing answers, or the cluster is too small.
-        SainError: a job cannot be done, or a worker died.
+    The address "local" starts one on this machine for as long as it is needed, reachable from this
+    machine alone; "auto" is the one that runs on this machine; else HOST:PORT.
     """
     if address not in (LOCAL, AUTO):
         _knock(address)

@@ -35,65 +35,38 @@ class WorldFailedError(SainError):
 
 @dataclass(frozen=True, eq=False)
 class Setting:
-    """What an episode of a simulated world begins with.
+    """What an episode of a simulated world begins with."""
 
-    Attributes:
-        scene: (N, 8), at rest.
-        bodies: shapes and roles.
-        friction: between bodies and table.
-    """
-
-    scene: Scene
-    bodies: Bodies
-    friction: float
+    scene: Scene  # (N, 8), at rest
+    bodies: Bodies  # shapes and roles
+    friction: float  # between bodies and table
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """An executed push: the scenes (N, 8) before and after it, at rest.
-
-    Attributes:
-        before: it.
-        after: it.
-        duration: simulated time [s].
-        settled: False when bodies still moved after the longest wait.
-        fallen: (N,) which bodies are no longer on the table; None: the world does not tell.
-    """
+    """An executed push: the scenes (N, 8) before and after it, at rest."""
 
     before: Scene
     after: Scene
-    duration: float = 0.0
-    settled: bool = True
-    fallen: Mask | None = None
+    duration: float = 0.0  # [s], simulated
+    settled: bool = True  # False when bodies still moved after the longest wait
+    fallen: Mask | None = None  # (N,), who is off the table; None: the world does not tell
 
 
 @dataclass(frozen=True, eq=False)
 class PushRecord:
-    """A push that was executed or refused, however it was run: closed loop, graph, bag.
+    """A push that was executed or refused, however it was run: closed loop, graph, bag."""
 
-    Attributes:
-        push: (5,), or a stroke (8,), as executed.
-        before: (N, 8), settled.
-        after: (N, 8), settled.
-        predicted: (N, 8), what the planner's model expected.
-        physics: (N, 8), what the nominal world expected, f_p.
-        planning_time: [s].
-        duration: [s] of the world; 0: not measured.
-        noise: (N,) [m], of estimated scenes: see `sain_core.transitions.PushHistory`.
-        code: `ErrorCode.OK`, or why it was refused; then `after` is `before`.
-        message: of the refusal.
-    """
-
-    push: PushArray
-    before: Scene
-    after: Scene
-    predicted: Scene | None = None
-    physics: Scene | None = None
-    planning_time: float = 0.0
-    duration: float = 0.0
-    noise: Scalars | None = None
-    code: int = ErrorCode.OK
-    message: str = ""
+    push: PushArray  # (5,), or a stroke (8,), as executed
+    before: Scene  # (N, 8), settled
+    after: Scene  # (N, 8), settled
+    predicted: Scene | None = None  # (N, 8), what the planner's model expected
+    physics: Scene | None = None  # (N, 8), what the nominal world expected, f_p
+    planning_time: float = 0.0  # [s]
+    duration: float = 0.0  # [s] of the world; 0: not measured
+    noise: Scalars | None = None  # (N,) [m]: see `sain_core.transitions.PushHistory`
+    code: int = ErrorCode.OK  # or why it was refused; then `after` is `before`
+    message: str = ""  # of the refusal
 
     def error(self, body: int) -> float | None:
         """Return how far [m] the prediction put a body from where it came to rest."""
@@ -125,13 +98,10 @@ class AnyWorld(Protocol[Start]):
         ...
 
     def push(self, push: PushArray, *, seen: Scene | None = None) -> Outcome:
-        """Execute a push, and wait until nothing moves.
+        """Execute a push, and wait until nothing moves; raise `SainError` where nothing has moved.
 
         `seen` (N, 8) is the scene that the push was planned from; the tool's way follows from it
         (`sain_core.push.strokes`). None: the scene as it is.
-
-        Raises:
-            SainError: the push cannot be executed, and why; nothing has moved.
         """
         ...
 
@@ -149,11 +119,7 @@ def check_possible(before: Scene, after: Scene) -> None:
 
 
 def check_outcome(before: Scene, after: object) -> Scene:
-    """Return a scene (N, 8) that a stranger's world returned after a push from another one.
-
-    Raises:
-        WorldFailedError: it breaks the contract, and how.
-    """
+    """Return a scene (N, 8) that a stranger's world returned after a push from another one."""
     if not isinstance(after, np.ndarray) or after.shape != before.shape:
         form = getattr(after, "shape", type(after).__name__)
         raise WorldFailedError(f"the scene is {form}; allowed: an array {before.shape}")
@@ -241,11 +207,7 @@ class ObservationConfig(Config):
 
 
 def unknown_names(text: str) -> tuple[str, ...]:
-    """Return what is not measured, by a text of names with commas.
-
-    Raises:
-        ConfigError: another name than `UNKNOWNS`.
-    """
+    """Return what is not measured, by a text of names with commas; raises `ConfigError`."""
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word))
     for name in names:
         if name not in UNKNOWNS:
@@ -261,6 +223,6 @@ def observation_settings(config: ObservationConfig) -> dict[str, Any]:
 
 def changed_settings(config: ObservationConfig) -> dict[str, Any]:
     """Return those of `observation_settings` that are not as in exact observations."""
-    exact = observation_settings(ObservationConfig())
-    own = observation_settings(config)
-    return {name: value for name, value in own.items() if value != exact[name]}
+    exact = ObservationConfig()
+    settings = observation_settings(config).items()
+    return {name: value for name, value in settings if value != getattr(exact, name)}

@@ -30,7 +30,7 @@ READERS = [read_json, read_yaml]
         ("[" + "1," * 4_000_000 + "1]", "more than 4,000,000 values"),
         ('["\\ud800"]', "half a character"),
         ("{", "Expecting property name"),
-        ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice \(lines with it: 1, 2\); remove one"),
+        ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice; remove one"),
         ('[{"b": {"a": 1, "b": 1, "a": 2}}]', "the key 'a' is given twice"),
     ],
 )

@@ -8,10 +8,7 @@ import sys
 import pytest
 from rclpy.action import get_action_server_names_and_types_by_node
 from rclpy.node import Node
-from rclpy.qos import qos_profile_sensor_data
-from std_msgs.msg import String
 
-from sain_core.ros.node_main import LatchedTopic
 from sain_model.commands import model_node
 from sain_model.ros.model_node import ModelNode
 from sain_mppi.commands import mppi_node
@@ -128,23 +125,3 @@ def test_the_help_names_every_topic_and_service(graph, command, kind):
     assert names(actions) == set(command.actions)
     text = "\n".join(command.help())
     assert all(name in text for name in (*command.publishes, *command.offers, *command.actions))
-
-
-def test_a_late_listener_with_best_effort_hears_the_last_message_once(graph):
-    speaker = graph.add(Node("speaker", namespace="sain", context=graph.context))
-    topic = LatchedTopic(speaker, String, "said")
-    graph.listen("said", String)
-    graph.wait(lambda: speaker.count_subscribers("said") == 1, "the early listener")
-    topic.publish(String(data="shapes"))
-    graph.wait(lambda: graph.heard["said"], "what is said")
-    late: list[str] = []
-    listener = graph.add(Node("late", namespace="sain", context=graph.context))
-    listener.create_subscription(
-        String, "said", lambda message: late.append(message.data), qos_profile_sensor_data
-    )
-    graph.wait(lambda: late, "what was said before")
-    looks: list[int] = []
-    speaker.create_timer(0.5, lambda: looks.append(1))
-    graph.wait(lambda: len(looks) == 3, "three more looks")
-    assert late == ["shapes"]
-    assert [message.data for message in graph.heard["said"]] == ["shapes", "shapes"]

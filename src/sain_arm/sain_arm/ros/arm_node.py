@@ -60,12 +60,11 @@ from sain_core.ros.node_main import (
     OK,
     WARN,
     Diagnostics,
-    LatchedTopic,
     steady_timer,
 )
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver, PushOrder
-from sain_core.ros.qos import RELIABLE
+from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.scene import RADIUS
 from sain_core.shapes.bodies import Bodies
@@ -98,7 +97,7 @@ class ArmNode(Node):
         self._disputers = list[str]()  # nodes that publish the enable signal, and disagree
         self._planner: PushPlanner | None = None
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
-        self.reach_publisher = LatchedTopic(self, OccupancyGrid, "reach_table")
+        self.reach_publisher = self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
         listen = self.driver.reception.listen
         self._inputs = [
             listen(JointState, "/joint_states", self.joints.listen, RELIABLE),

@@ -32,7 +32,7 @@ from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
-from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics, LatchedTopic, steady_timer
+from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
@@ -113,7 +113,7 @@ class TrajectoryServer(Node):
         self._goal: tuple[ServerGoalHandle, Future] | None = None
         self._states = self.create_publisher(JointState, "/joint_states", RELIABLE)
         self._poses = self.create_publisher(PoseArray, "poses", RELIABLE) if config.poses else None
-        self._description = LatchedTopic(self, String, "/robot_description")
+        self._description = self.create_publisher(String, "/robot_description", LATCHED)
         self._description.publish(String(data=visible(self.robot.description)))
         self._status = self.create_publisher(String, "laboratory", RELIABLE)
         name = f"/{self.robot.controller.strip('/')}/follow_joint_trajectory"

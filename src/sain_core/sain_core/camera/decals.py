@@ -54,10 +54,9 @@ def paint_tag(
     pose: Float[ndarray, "3"],
     hidden: Bool[ndarray, "height width"],
 ) -> None:
-    """Paint the tag of a body into a picture, in place, but for pixels that are hidden.
+    """Paint the tag of a body at a pose (x, y, heading) into a picture, but not on hidden pixels.
 
-    The homography maps places [m] in the plane of the tag to pixels; the pose of the body is x, y
-    and heading.
+    The homography maps places [m] in the plane of the tag to pixels.
     """
     texture = tag_texture(tag.number)
     scale, middle = tag.size / (len(texture) - 2 * QUIET * TEXELS), (len(texture) - 1) / 2

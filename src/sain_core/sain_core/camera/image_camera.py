@@ -102,17 +102,11 @@ class ImageCameraConfig(Config):
 
 
 class Drawing(NamedTuple):
-    """What a renderer draws: without lens, blur and noise.
+    """What a renderer draws: without lens, blur and noise."""
 
-    Attributes:
-        colour: red, green, blue.
-        depth: along the optical axis [m].
-        hides: where something is before the bodies' tops, such as the arm.
-    """
-
-    colour: UInt8[ndarray, "height width 3"]
-    depth: Float[ndarray, "height width"]
-    hides: Bool[ndarray, "height width"]
+    colour: UInt8[ndarray, "height width 3"]  # red, green, blue
+    depth: Float[ndarray, "height width"]  # along the optical axis [m]
+    hides: Bool[ndarray, "height width"]  # where something is before the bodies' tops: the arm
 
 
 class ImageRenderer(Protocol):
@@ -144,15 +138,12 @@ class _Ideal(NamedTuple):
 class _Grain(NamedTuple):
     """Noise of more pixels than an image has: each image has a part of it, for drawing takes long.
 
-    Attributes:
-        brighter: (P, 3) what is added to colours.
-        darker: (P, 3) what is taken from them; added to brighter colours it would overflow.
-        nearer: (P,) what is taken from distances [mm].
+    Added to brighter colours, what is taken from them would overflow.
     """
 
-    brighter: UInt8[ndarray, "P 3"]
-    darker: UInt8[ndarray, "P 3"]
-    nearer: Float[ndarray, "P"]
+    brighter: UInt8[ndarray, "P 3"]  # added to colours
+    darker: UInt8[ndarray, "P 3"]  # taken from colours
+    nearer: Float[ndarray, "P"]  # taken from distances [mm]
 
     @classmethod
     def drawn(cls, config: ImageCameraConfig, random: np.random.Generator) -> Self:

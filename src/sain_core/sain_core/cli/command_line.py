@@ -21,11 +21,7 @@ from sain_core.guarding.lifetime import PATIENCE, check_host, start_timer
 
 
 def executable(package: str, name: str) -> Path:
-    """Return the file that ``ros2 run PACKAGE NAME`` starts.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
+    """Return the file that ``ros2 run PACKAGE NAME`` starts; raises `ConfigError`: none is."""
     prefixes = [p for p in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if p]
     for prefix in prefixes:
         path = Path(prefix, "lib", package, name)
@@ -40,11 +36,7 @@ def executable(package: str, name: str) -> Path:
 def command_of_node(
     package: str, name: str, ros: Sequence[str] = (), **parameters: object
 ) -> list[str]:
-    """Return what starts a node, with arguments for ROS and parameters.
-
-    Raises:
-        ConfigError: it is not installed.
-    """
+    """Return what starts a node, with arguments for ROS and parameters; raises as `executable`."""
     given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={value}")]
     return [str(executable(package, name)), "--ros-args", *ros, *given]
 
@@ -88,22 +80,14 @@ class Command:
     The annotation of `options` is the dataclass of the settings, whose docstring is the text of the
     help. Where their defaults depend on the arguments, a function ``options(arguments)`` returns
     the dataclass. What is slow to import, the file imports inside of its functions.
-
-    Attributes:
-        name: package and executable, as after ``ros2 run``.
-        module: the file, as a module in the package.
-        resumes: what the same command continues from after Ctrl-C; "": it starts again.
-        ros: whether it accepts ``--ros-args``.
-        prefixes: whether nested settings are called ``--group.name``; otherwise ``--name``.
-        alias: its name as a subcommand of ``sain``, where another command has the same name.
     """
 
-    name: str
-    module: str
-    resumes: str = ""
-    ros: bool = False
-    prefixes: bool = False
-    alias: str = ""
+    name: str  # package and executable, as after ``ros2 run``
+    module: str  # the file, as a module in the package
+    resumes: str = ""  # what it continues from after Ctrl-C; "": it starts again
+    ros: bool = False  # whether it accepts ``--ros-args``
+    prefixes: bool = False  # whether nested settings are ``--group.name``; otherwise ``--name``
+    alias: str = ""  # as a subcommand of ``sain``, where another command has the same name
 
     @property
     def subcommand(self) -> str:
@@ -186,11 +170,7 @@ class Command:
 
 
 def load(command: str, path: str) -> Any:
-    """Return a module in the package of a command, or what stands there as ``module:name``.
-
-    Raises:
-        ConfigError: it needs a package that not every installation has.
-    """
+    """Return a module in the package of a command, or what stands there as ``module:name``."""
     name, _, item = path.partition(":")
     with naming_what_is_missing():
         module = import_module(f"{command.split()[0]}.{name}")

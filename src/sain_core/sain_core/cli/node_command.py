@@ -20,27 +20,18 @@ WIDEST: Final = 100  # columns of the help
 
 @dataclass(frozen=True)
 class NodeCommand:
-    """The entry point of a node's executable.
+    """The entry point of a node's executable."""
 
-    Attributes:
-        name: package and executable, as after ``ros2 run``.
-        about: what the node does.
-        node: ``module:name``, in the package, of its class.
-        settings: likewise, of the `Config` that its parameters are made from.
-        publishes, subscribes, offers, calls, actions: names of its topics, services and actions.
-        example: a parameter in the help's example, as ``name:=value``.
-    """
-
-    name: str
-    about: str
-    node: str
-    settings: str
-    publishes: tuple[str, ...]
+    name: str  # package and executable, as after ``ros2 run``
+    about: str  # what the node does
+    node: str  # ``module:name``, in the package, of its class
+    settings: str  # likewise, of the `Config` that its parameters are made from
+    publishes: tuple[str, ...]  # names of its topics; likewise services and actions below
     subscribes: tuple[str, ...] = ()
     offers: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
-    example: str = ""
+    example: str = ""  # a parameter in the help's example, as ``name:=value``
 
     @property
     def subcommand(self) -> str:

@@ -3,7 +3,6 @@
 import json
 import re
 from collections import Counter
-from itertools import islice
 from math import isinf
 from pathlib import Path
 from typing import Any, Final
@@ -40,11 +39,7 @@ def read_json(path: Path) -> Any:
 
 
 def parse_json(text: str) -> Any:
-    """Return the content of a JSON text.
-
-    Raises:
-        UntrustedFileError: it is no JSON, or exceeds a limit.
-    """
+    """Return the content of a JSON text; raises `UntrustedFileError`: none, or beyond a limit."""
     limit("bytes", len(text), JSON_BYTES)
     limit("values", sum(text.count(sign) for sign in ",[{"), JSON_ITEMS)
     text = text.removeprefix("\ufeff")  # some editors begin a file with it
@@ -54,8 +49,6 @@ def parse_json(text: str) -> Any:
         )
     except RecursionError:
         raise too_deep() from None
-    except _TwiceError as error:
-        raise UntrustedFileError(error.text(text)) from None
     except UntrustedFileError:
         raise
     except ValueError as error:
@@ -66,22 +59,11 @@ def parse_json(text: str) -> Any:
     return content
 
 
-class _TwiceError(Exception):
-    """A key of a JSON object that is given twice; json does not say where."""
-
-    def text(self, text: str) -> str:
-        """Return the error, with the lines of a document that have such a key."""
-        (key,) = self.args
-        found = re.finditer(re.escape(json.dumps(key, ensure_ascii=False)) + r"\s*:", text)
-        lines = [str(text.count("\n", 0, one.start()) + 1) for one in islice(found, 9)]
-        where = f" (lines with it: {', '.join(dict.fromkeys(lines))})" if lines else ""
-        return f"the key {shown(key)} is given twice{where}; remove one"
-
-
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     content = dict(pairs)
     if len(content) != len(pairs):
-        raise _TwiceError(Counter(key for key, _ in pairs).most_common(1)[0][0])
+        (key, _), *_ = Counter(key for key, _ in pairs).most_common(1)
+        raise UntrustedFileError(f"the key {shown(key)} is given twice; remove one")
     return content
 
 
@@ -182,13 +164,8 @@ def read_yaml(path: Path) -> Any:
 def read_user_yaml(path: Path, what: str, known: str = "") -> dict[Any, Any]:
     """Return the content of a YAML file that a user gives.
 
-    Args:
-        path: of the file.
-        what: the file is called in errors.
-        known: added where it cannot be read: what could be given in its place.
-
-    Raises:
-        ConfigError: naming the file and what is wrong; its content is no mapping.
+    Raises `ConfigError`, which names the file as `what`, and the problem. Where the file cannot be
+    read, `known` follows: what could be given in its place.
     """
     try:
         content = read_yaml(path)
@@ -205,10 +182,9 @@ def read_user_yaml(path: Path, what: str, known: str = "") -> dict[Any, Any]:
 
 
 def parse_yaml(text: str) -> Any:
-    """Return the content of a YAML text.
+    """Return the content of a YAML text without anchors, aliases and tags.
 
-    Raises:
-        UntrustedFileError: it is no YAML, has anchors, aliases or tags, or exceeds a limit.
+    Raises `UntrustedFileError`: it has one, is no YAML, or exceeds a limit.
     """
     limit("bytes", len(text), YAML_BYTES)
     if text.startswith(OPENCV[0]):

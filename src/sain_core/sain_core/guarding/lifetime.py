@@ -87,11 +87,7 @@ def ending_within(seconds: float = PATIENCE, code: int = 0) -> Iterator[None]:
 
 
 def start_timer(seconds: float, code: int) -> ctypes.c_void_p:
-    """Have the system end this process in so many seconds; return the timer.
-
-    Raises:
-        OSError: there is no timer left.
-    """
+    """Have the system end this process in so many seconds; return the timer."""
     system, timer = ctypes.CDLL(None, use_errno=True), ctypes.c_void_p()
     leave = ctypes.cast(system._exit, ctypes.c_void_p)
     event = _SigEvent(value=code, notify=SIGEV_THREAD, function=leave)

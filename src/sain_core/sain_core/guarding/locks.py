@@ -24,15 +24,10 @@ class LockedError(SainError):
 
 
 def lock_file(path: Path, owner: str) -> int:
-    """Return a descriptor of a file that is locked until it is closed.
+    """Return a descriptor of a file that is locked until it is closed; made if need be.
 
-    Args:
-        path: of the file, which is made if need be.
-        owner: what the file then says, after the number of this process.
-
-    Raises:
-        LockedError: another process holds the lock.
-        OutputError: the file cannot be written.
+    The file then says the number of this process and `owner`. Raises `LockedError`: another process
+    holds the lock; `OutputError`: the file cannot be written.
     """
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
     try:

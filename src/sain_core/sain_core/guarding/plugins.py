@@ -29,14 +29,10 @@ class Plugins:
         hidden: Iterable[str] = (),
         more: str = "",
     ) -> None:
-        """Look in a group of entry points for what is called `what` in messages.
+        """Look in a group of entry points for what messages call `what`.
 
-        Args:
-            group: of entry points.
-            what: one of them, such as ``planner``.
-            built_in: names that no package need offer, and none may.
-            hidden: names that are not listed.
-            more: what messages say that may be given besides names.
+        `built_in` are names that no package may offer, `hidden` ones are not listed, and `more` is
+        what messages say may be given besides names.
         """
         self.group, self.what = group, what
         self._built_in, self._hidden, self._more = tuple(built_in), set(hidden), more
@@ -57,11 +53,7 @@ class Plugins:
         return {name: list(entries.values()) for name, entries in offered.items()}
 
     def check(self, name: str) -> None:
-        """Check that something is built in or offered by this name; nothing is imported.
-
-        Raises:
-            ConfigError: as `find`; or it is built in, and a package offers another one.
-        """
+        """Check that one package offers a name, or that it is built in; nothing is imported."""
         if name in self._checked:
             return
         if name not in self._built_in:
@@ -74,11 +66,7 @@ class Plugins:
         self._checked.add(name)  # to look takes some ms
 
     def find(self, name: str) -> EntryPoint:
-        """Return the only entry point of a name.
-
-        Raises:
-            ConfigError: no installed package offers it, or two do.
-        """
+        """Return the only entry point of a name; raises `ConfigError`: none has it, or two."""
         entries = self.entries().get(name, [])
         if not entries:
             names = self.names()
@@ -102,11 +90,7 @@ class Plugins:
     def load(
         self, entry: EntryPoint, make: Callable[[Any], Any] = lambda it: it, name: str = ""
     ) -> Any:
-        """Return what is made of what an entry point leads to.
-
-        Raises:
-            ConfigError: its package fails; or as `make`.
-        """
+        """Return what is made of what an entry point leads to, or raise `ConfigError`."""
         with self._blaming(entry, "cannot be loaded", name):
             return make(entry.load())
 
@@ -121,11 +105,7 @@ class Plugins:
         return call
 
     def function(self, name: str) -> tuple[EntryPoint, Callable[..., Any]]:
-        """Return who offers a function by a name, and that function, `guarded`.
-
-        Raises:
-            ConfigError: as `find` and `load`; or it is no function.
-        """
+        """Return who offers a function by a name, and that function, `guarded`."""
         entry = self.find(name)
         work = self.load(entry)
         if not callable(work):

@@ -51,15 +51,7 @@ class Session:
         self.scene_id += 1
 
     def admit(self, push_id: int, episode_id: int, scene_id: int) -> None:
-        """Take a push as the one under way, until `finish`; a refusal uses up its id too.
-
-        Raises:
-            InvalidInputError: the id 0, which means "none".
-            DuplicatePushError: an id that was seen before.
-            BusyError: another push is under way.
-            UnknownEpisodeError: not of the episode that is running.
-            StaleSceneError: not planned from the current scene.
-        """
+        """Take a push as the one under way, until `finish`; a refusal uses up its id, too."""
         if push_id == 0:
             raise InvalidInputError("push_id is 0; ids start at 1")
         if push_id in self._seen:

@@ -105,11 +105,7 @@ def one_line(text: object, most: int = 800) -> str:
 
 
 def check_ros_name(what: str, name: str) -> str:
-    """Return a name of a topic, a service or an action that a user's file gives.
-
-    Raises:
-        ConfigError: ROS does not allow it.
-    """
+    """Return a name of ROS that a user's file gives, or raise `ConfigError`."""
     if not ROS_NAME.fullmatch(name) or len(name) > LONGEST_ROS_NAME:
         raise ConfigError(
             f"{what} is {shown(name)}; a name in ROS has letters of a to z, digits and '_' in parts"
@@ -147,12 +143,7 @@ KINDS: Final = {
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Open a file for reading; nothing is waited for.
-
-    Raises:
-        UntrustedFileError: it is no regular file.
-        OSError: it does not exist, or may not be read.
-    """
+    """Open a regular file for reading, without waiting; raises `UntrustedFileError`, `OSError`."""
     refuse_special(path.stat().st_mode)  # opening a device may have effects
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
     try:
@@ -206,12 +197,10 @@ def stand_in(content: bytes) -> str:
 
 
 def read_regular(path: Path, limit: int = WHOLE_BYTES) -> bytes:
-    """Return the content of a file.
+    """Return the content of a regular file of up to so many bytes.
 
-    Raises:
-        UntrustedFileError: it is no regular file, larger than the limit [bytes], a pointer of Git
-            LFS, compressed as a whole, or a web page.
-        OSError: it does not exist, or cannot be read.
+    Raises `UntrustedFileError`, also for a pointer of Git LFS, a compressed file and a web page;
+    `OSError`: it cannot be read.
     """
     with open_regular(path) as file:
         size = os.fstat(file.fileno()).st_size

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any, Final, NoReturn
+from typing import Final, NoReturn
 
 import rclpy
 from builtin_interfaces.msg import Time
@@ -25,7 +25,6 @@ from rclpy.exceptions import ROSInterruptException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import ok, try_shutdown
 
@@ -33,11 +32,10 @@ from sain_core.errors import INTERRUPTED, ConfigError, SainError
 from sain_core.guarding import lifetime
 from sain_core.guarding.lifetime import ending_within, release, stay_on_this_host
 from sain_core.ros.parameters import check_parameter_files
-from sain_core.ros.qos import LATCHED, RELIABLE
+from sain_core.ros.qos import RELIABLE
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 SEPARATOR: Final = ": "  # of node and task
-LATE: Final = 0.5  # [s] between looks for new subscribers, and until they get the last message
 
 SIMULATED: Final = Parameter("use_sim_time", value=True)
 """``parameter_overrides=[SIMULATED]`` makes a node whose stamps are simulated time."""
@@ -87,50 +85,6 @@ class Diagnostics:
         message = DiagnosticArray(status=[self._status])
         message.header.stamp = self._now()
         self._publisher.publish(message)
-
-
-class LatchedTopic:
-    """A latched topic that also those hear who did not ask for what was latched.
-
-    A subscriber with ROS's default durability (volatile) that joins late hears nothing; so does
-    ``ros2 topic echo --qos-reliability best_effort``. For such a one the last message is published
-    again, once, with the same stamp. Make and call this on the executor's thread.
-    """
-
-    def __init__(self, node: Node, kind: type, topic: str) -> None:
-        """Create the publisher."""
-        self._node = node
-        self._publisher = node.create_publisher(kind, topic, LATCHED)
-        self._last: Any = None
-        self._count = 0
-        self._reached: set[bytes] = set()
-        self._new: set[bytes] = set()
-        steady_timer(node, LATE, self._look)
-
-    def publish(self, message: Any) -> None:
-        """Publish a message, which whoever joins later hears, too."""
-        self._last = message
-        self._reached = self._volatile()
-        self._publisher.publish(message)
-
-    def _look(self) -> None:
-        """Look for new subscribers; who was new the last time has found this publisher by now."""
-        if self._new:
-            self._reached |= self._new
-            self._new = set()
-            self._publisher.publish(self._last)
-        count = self._publisher.get_subscription_count()
-        if count != self._count and self._last is not None:
-            self._count = count
-            self._new = self._volatile() - self._reached
-
-    def _volatile(self) -> set[bytes]:
-        """Return who hears only what is published from now on; to find that costs some ms."""
-        endpoints = self._node.get_subscriptions_info_by_topic(self._publisher.topic_name)
-        volatile = DurabilityPolicy.VOLATILE
-        return {
-            bytes(one.endpoint_gid) for one in endpoints if one.qos_profile.durability == volatile
-        }
 
 
 def node_of(status: DiagnosticStatus) -> str:
@@ -261,10 +215,7 @@ def ros_context(
 ) -> Iterator[None]:
     """Initialise rclpy with these arguments, or the process's, and shut it down at the end.
 
-    Only this computer can send to its nodes; see `stay_on_this_host`.
-
-    Raises:
-        ConfigError: the arguments for ROS cannot be read.
+    Only this computer can send to its nodes: `stay_on_this_host`. Raises `ConfigError`.
     """
     stay_on_this_host()
     check_parameter_files(args)

@@ -8,11 +8,10 @@ was probably meant.
 
 import dataclasses
 import sys
-from array import array
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final, TypeVar, get_args, get_origin
+from typing import Any, Final, TypeVar, get_origin
 
 from rcl_interfaces.msg import (
     FloatingPointRange,
@@ -23,7 +22,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from sain_core.config import Config, check_field, settings_of, with_settings
+from sain_core.config import Config, check_field, settings_of, typed, with_settings
 from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding.documents import read_yaml
 from sain_core.guarding.plugins import nearest
@@ -32,11 +31,7 @@ OPTION: Final = "--params-file"
 
 
 def check_parameter_files(arguments: Sequence[str] | None) -> None:
-    """Check the files that arguments name, or those of the process; rcl waits for any FIFO.
-
-    Raises:
-        ConfigError: one is no regular file, too large, or no YAML; a key is given twice.
-    """
+    """Check the files that arguments name, or those of the process; rcl waits for any FIFO."""
     for option, name in pairwise(sys.argv if arguments is None else arguments):
         if option != OPTION:
             continue
@@ -52,7 +47,6 @@ C = TypeVar("C", bound=Config)
 
 LARGEST_FLOAT = 1.7976931348623157e308
 LARGEST_INT = 2**63 - 1
-TYPE_NAMES = {float: "a number", int: "an integer", bool: "true or false", str: "a string"}
 READ_ONCE = "read at the start: start the node anew to change it"
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
@@ -60,10 +54,8 @@ ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 def read_parameters(node: Node, config_class: type[C], default: C | None = None) -> C:
     """Declare the parameters of a node, all of them, and return their values.
 
-    What is not given is as in `default`, or as in the class if None.
-
-    Raises:
-        ConfigError: an unknown name, a wrong type, or a value that is not allowed.
+    What is not given is as in `default`, or as in the class. Raises `ConfigError`: an unknown name,
+    a wrong type, or a value that is not allowed.
     """
     settings = config_class() if default is None else default
     names = [one.name for one in settings_of(settings)]
@@ -115,29 +107,16 @@ class LiveParameters:
 
 def _typed(settings: Config, values: dict[str, Any], check_all: bool = False) -> dict[str, Any]:
     """Return given values in the types of their fields, checked; others if `check_all`."""
-    typed = {}
+    checked = {}
     for name, item, kind, value, _ in settings_of(settings):
+        what = f"parameter {name!r}"
         if name in values or check_all:
-            typed[name] = _converted(name, kind, values[name]) if name in values else value
-            check_field(f"parameter {name!r}", item, typed[name])
-    return typed
-
-
-def _converted(name: str, kind: Any, value: Any) -> Any:
-    """Return the value in the field's type; an integer will do for a number."""
-    if get_origin(kind) is tuple:
-        if not isinstance(value, list | tuple | array):
-            raise ConfigError(f"parameter {name!r} is {value!r}; it must be a list")
-        size = len(get_args(kind))
-        if get_args(kind)[-1] is not Ellipsis and len(value) != size:
-            raise ConfigError(f"parameter {name!r} has {len(value)} values; it must have {size}")
-        return tuple(_converted(name, get_args(kind)[0], element) for element in value)
-    if kind is float and isinstance(value, int) and not isinstance(value, bool):
-        return float(value)
-    if type(value) is not kind:
-        what = TYPE_NAMES.get(kind, kind)
-        raise ConfigError(f"parameter {name!r} is {value!r}; it must be {what}")
-    return value
+            try:
+                checked[name] = typed(what, kind, values[name]) if name in values else value
+            except TypeError as error:
+                raise ConfigError(str(error)) from error
+            check_field(what, item, checked[name])
+    return checked
 
 
 def _descriptor(item: "dataclasses.Field[Any]", kind: Any, live: bool) -> ParameterDescriptor:

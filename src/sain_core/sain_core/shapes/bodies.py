@@ -41,14 +41,9 @@ class Role(StrEnum):
 
 @dataclass(frozen=True)
 class Bodies:
-    """Shape and role of each body of a scene.
+    """Shape and role of each body of a scene; raises `ConfigError` where they cannot be.
 
-    Attributes:
-        shapes: one for each body.
-        roles: one for each body; none: body 0 is pushable and all others movable, as in the paper.
-
-    Raises:
-        ConfigError: no body or too many, other numbers of shapes and roles, no pushable body.
+    Without roles, body 0 is pushable and all others are movable, as in the paper.
     """
 
     shapes: tuple[Shape, ...]
@@ -76,11 +71,7 @@ class Bodies:
 
     @classmethod
     def named(cls, shapes: Sequence[str], roles: Sequence[str] = ()) -> Self:
-        """Return the bodies with shapes and roles of these names.
-
-        Raises:
-            ConfigError: also when there is no such shape or role.
-        """
+        """Return the bodies with shapes and roles of these names, or raise `ConfigError`."""
         allowed = ", ".join(Role)
         for body, role in enumerate(roles):
             if role not in list(Role):
@@ -160,10 +151,8 @@ def check_bodies(
 ) -> Scene:
     """Return a scene (N, 8) when it can exist and consist of these bodies.
 
-    Raises:
-        InvalidInputError: as `check_states`; another number of bodies; or two whose outlines
-            overlap by more than `most` [m].
-        OffTableError: a body off the table.
+    Raises `InvalidInputError`, also for two whose outlines overlap by more than `most` [m];
+    `OffTableError`.
     """
     check_states(scene, table)
     bodies = bodies.fitted(len(scene))
@@ -220,11 +209,7 @@ def as_names(bodies: Bodies) -> tuple[str, str]:
 
 @lru_cache(maxsize=1024)
 def bodies_named(shapes: str, roles: str, count: int) -> Bodies:
-    """Return so many bodies by the names of shapes and roles; no roles are the paper's.
-
-    Raises:
-        DatasetError: shapes or roles that do not exist, or not one for each body.
-    """
+    """Return so many bodies by the names of shapes and roles, or raise `DatasetError`."""
     try:
         bodies = Bodies.named(shapes.split(BETWEEN), roles.split(BETWEEN) if roles else ())
     except ConfigError as error:

@@ -48,21 +48,16 @@ LAST_TAG: Final = 586  # of family 36h11, the largest
 
 @dataclass(frozen=True)
 class Tag:
-    """A tag on the top of a body.
+    """A tag on the top of a body, by its centre and the way of its x axis in the body's frame.
 
-    Attributes:
-        number: its id.
-        size: side of its black square [m].
-        x: of its centre, in the body's frame [m].
-        y: likewise [m].
-        angle: of its x axis, likewise [rad]; it points right where AprilTag's picture is upright.
+    The x axis points right where AprilTag's picture is upright.
     """
 
-    number: int
-    size: float = TAG_SIZE
-    x: float = 0.0
-    y: float = 0.0
-    angle: float = 0.0
+    number: int  # its id
+    size: float = TAG_SIZE  # side of its black square [m]
+    x: float = 0.0  # [m]
+    y: float = 0.0  # [m]
+    angle: float = 0.0  # [rad]
 
     def corners(self) -> Points:
         """Return its corners (4, 2) in the body's frame [m]: upper left, then clockwise."""
@@ -97,11 +92,7 @@ class BodyFile:
 
 
 def read_bodies(path: Path) -> BodyFile:
-    """Return the bodies that a YAML file states.
-
-    Raises:
-        ConfigError: naming the file, the body and what is wrong.
-    """
+    """Return the bodies that a YAML file states; raises `ConfigError`, naming file and body."""
     content = read_user_yaml(path, "bodies file")
     try:
         return parse_bodies(content)
@@ -203,11 +194,7 @@ def _check_sources(
 
 
 def _check_tags(body: int, tags: Sequence[Tag], shape: Shape, radius: float) -> None:
-    """Check that tags lie on a body: in its convex hull, for a tag may cover a hollow, and apart.
-
-    Raises:
-        ConfigError: one is larger than the body, lies beside it, or lies where another one does.
-    """
+    """Check that tags lie on a body and apart: in its convex hull, for a tag may cover a hollow."""
     from shapely import MultiPoint, Point, Polygon
 
     outline = shape.outline(radius)

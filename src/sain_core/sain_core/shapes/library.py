@@ -137,11 +137,7 @@ _failed: dict[str, str] = {}  # offered shapes that cannot be used, and why
 
 
 def register(shape: Shape) -> None:
-    """Let a shape be found by its name in this process.
-
-    Raises:
-        ConfigError: another shape has its name, or the name ends as those of flat bottoms do.
-    """
+    """Let a shape be found by its name in this process; raises `ConfigError`: it is taken."""
     if shape.lies_flat:
         raise ConfigError(
             f"a shape has the name {shape.name!r}; offer it without {FLAT_MARK!r}: both bottoms are"
@@ -203,11 +199,7 @@ def outline_folder() -> Path:
 
 
 def register_outlines(folder: Path) -> None:
-    """Let the shapes of a data set be found by their names; nothing where it has no outlines.
-
-    Raises:
-        DatasetError: its file is damaged.
-    """
+    """Let the shapes of a data set be found by their names; raises `DatasetError`."""
     for shape in stored_outlines(folder):
         try:
             register(shape)
@@ -216,11 +208,7 @@ def register_outlines(folder: Path) -> None:
 
 
 def _own(name: str) -> Shape | None:
-    """Return the shape of a user's outline file; None: there is none of this name.
-
-    Raises:
-        ConfigError: there is a file, and it cannot be used.
-    """
+    """Return the shape of a user's outline file; None: there is none of this name."""
     if "/" in name or name.endswith(OUTLINES):
         return _read(name, Path(name).expanduser())
     for stem in (name, name[: -HASH - 1]):  # as it is called, or as messages and files have it

@@ -47,13 +47,9 @@ HASH: Final = 6  # digits in a name
 
 @dataclass(frozen=True)
 class Traced(Prism):
-    """An upright prism with an outline that was measured.
+    """An upright prism with an outline that was measured, about its centroid."""
 
-    Attributes:
-        corners: counter-clockwise, in units of the circumscribed radius; their centroid is (0, 0).
-    """
-
-    corners: tuple[Pair, ...] = ()
+    corners: tuple[Pair, ...] = ()  # counter-clockwise, in units of the circumscribed radius
 
     def outline(self, radius: float) -> Points:
         """Return the corners (M, 2) [m], counter-clockwise."""
@@ -122,11 +118,7 @@ def read_stated(path: Path) -> StatedBodies:
     """Return the bodies of a JSON or YAML file: ``{"shapes": {name: [[x, y], ...]}}`` in metres.
 
     In place of an outline there may be ``{"semi_axes": [a, b]}``, of an ellipse; beside the shapes
-    ``unit`` (only ``m``) and ``tip_radius`` [m].
-
-    Raises:
-        DatasetError: no such file, damaged, of another form or unit; an outline that crosses
-            itself, has no area, or a size that no body on a table has.
+    ``unit`` (only ``m``) and ``tip_radius`` [m]. Raises `DatasetError`, naming what is wrong.
     """
     content = _read(path)
     shapes = content.get(SHAPES) if isinstance(content, dict) else None
@@ -180,9 +172,7 @@ def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
     """Return the body with an outline of points (M, 2) [m]; up to `FINEST` is left out.
 
     One that runs clockwise is turned round, and points that repeat the one before are left out.
-
-    Raises:
-        DatasetError: it crosses itself, encloses nothing, or has a size that cannot be meant.
+    Raises `DatasetError`: it crosses itself, encloses nothing, or has a size that cannot be meant.
     """
     from shapely import Polygon
 
@@ -265,11 +255,7 @@ def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
 
 
 def stored_outlines(folder: Path) -> tuple[Traced, ...]:
-    """Return the shapes of a data set; none where it has no outlines.
-
-    Raises:
-        DatasetError: its file is damaged.
-    """
+    """Return the shapes of a data set, if it has any; raises `DatasetError`."""
     path = folder / OUTLINES_FILE
     if not path.exists():
         return ()

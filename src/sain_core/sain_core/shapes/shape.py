@@ -234,12 +234,9 @@ def outline_of(shape: Shape) -> Outline:
 
 
 def distance_to_way(start: Points, end: Points, corners: Polygons) -> Scalars:
-    """Return the distance [m] from straight ways to a polygon; negative where one begins inside.
+    """Return the distance [m] from straight ways (..., 2) to polygons (..., M, 2) in order.
 
-    Args:
-        start: (..., 2) [m], where each way begins.
-        end: (..., 2) [m].
-        corners: (..., M, 2) [m], of a polygon for each way, in order.
+    Negative where a way begins inside.
     """
     after = np.roll(corners, -1, axis=-2)
     first, last = start[..., None, :], end[..., None, :]

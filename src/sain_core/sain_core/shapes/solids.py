@@ -59,10 +59,8 @@ EVEN: Final = 9  # supports that carry the same
 def flat_bottom(shape: Shape, pressure: float = 0.0) -> tuple[Points, Float[ndarray, "F"]]:
     """Return points (F, 2) [radii] within an outline, and the share of the load on each, (F,).
 
-    Args:
-        shape: of the body.
-        pressure: exponent of the distance from the middle: 0 is uniform pressure, above 0 there is
-            more of it towards the rim, below 0 towards the middle.
+    `pressure` is the exponent of the distance from the middle: 0 is uniform, above 0 there is more
+    towards the rim, below 0 towards the middle.
     """
     reach = shape.circumradius
     side = reach * np.sqrt(_area(shape) / CELLS)
@@ -203,16 +201,12 @@ class Prism(Shape):
 
 @dataclass(frozen=True)
 class Polygon(Prism):
-    """An upright prism with a convex cross-section.
+    """An upright prism with a convex cross-section, about its centroid.
 
-    Attributes:
-        corners: counter-clockwise, in units of the state's radius; their centroid is (0, 0).
-
-    Raises:
-        ConfigError: corners that are not finite, no convex polygon, clockwise, or off-centre.
+    Raises `ConfigError` for corners that are not finite, no convex polygon, clockwise, off-centre.
     """
 
-    corners: tuple[Pair, ...] = ()
+    corners: tuple[Pair, ...] = ()  # counter-clockwise, in units of the state's radius
     feet: tuple[Pair, ...] = REGULAR_FEET
 
     def __post_init__(self) -> None:
@@ -234,16 +228,11 @@ class Polygon(Prism):
 class Compound(Prism):
     """An upright prism whose cross-section is a union of convex polygons, on three feet.
 
-    Attributes:
-        polygons: each counter-clockwise, in units of the radius of the circumscribed circle; the
-            centroid of their union is (0, 0). `Compound.of` moves and scales others to this.
-
-    Raises:
-        ConfigError: a part that is no convex polygon; parts that do not touch along a side or that
-            enclose a hole; a union that is off-centre or has another circumscribed radius than 1.
+    Raises `ConfigError` for parts that are no convex polygons, do not touch along a side or enclose
+    a hole, and where centroid and circumscribed radius are not those that `of` gives them.
     """
 
-    polygons: tuple[tuple[Pair, ...], ...] = field(default=())
+    polygons: tuple[tuple[Pair, ...], ...] = field(default=())  # each counter-clockwise
 
     def __post_init__(self) -> None:
         """Check the parts and their union."""
@@ -316,11 +305,7 @@ def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
 
 
 def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
-    """Return the outline (M, 2) of a union of polygons, counter-clockwise.
-
-    Raises:
-        ConfigError: the parts do not touch along a side, or enclose a hole.
-    """
+    """Return the outline (M, 2) of a union of polygons, counter-clockwise; raises `ConfigError`."""
     from shapely import Polygon as Ring  # half the time of an import of this module
     from shapely import union_all
 

@@ -37,11 +37,7 @@ def style_axes(axes: Axes, title: str = "", grid: str | None = "y", **labels: An
 
 
 def write_png(figure: Figure, path: Path) -> Path:
-    """Write a figure as a PNG and return its path. The same figure gives the same bytes.
-
-    Raises:
-        OutputError: the folder cannot be written.
-    """
+    """Write a figure as a PNG and return its path. The same figure gives the same bytes."""
     return write_whole(path, png_of(figure))
 
 

@@ -186,21 +186,11 @@ def plan_things(
     others: Float[ndarray, "R H N 2"] | None = None,
     limits: PushLimits = LIMITS,
 ) -> list[Thing]:
-    """Return a plan (H pushes) from a scene (N, 8) towards a goal.
+    """Return a plan (H pushes) from a scene (N, 8), and the scenes (H, N, 8) that it predicts.
 
-    Args:
-        scene: it was made in.
-        bodies: of the scene.
-        goal: of the plan; None: it is not known.
-        pushes: the first is to be executed.
-        predicted: (H, N, 8), the scene after each.
-        regions: [m], the radius that should hold each body after each push; 0: none.
-        others: [m], where other sequences lead the bodies, the cheapest first.
-        limits: of pushes.
-
-    Returns:
-        Other sequences, then of the bodies that are wanted, pushed or moved: outlines after each
-        push, paths and regions; then the goal and the first push.
+    First come other sequences, the cheapest on top; then of the bodies that are wanted, pushed or
+    moved: outlines after each push, paths and the regions [m] that should hold them; then the goal
+    and the first push.
     """
     ways = np.stack([_ways(scene, one) for one in predicted])
     wanted = [body for body in (goal.wanted if goal else ()) if body < len(scene)]

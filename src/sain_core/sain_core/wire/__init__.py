@@ -55,21 +55,13 @@ def decode_stamp(stamp: Any) -> int:
 
 
 def decode_disks(disks: Sequence[Any], name: str = "scene") -> Scene:
-    """Return ``DiskState[]`` as a scene (N, 8).
-
-    Raises:
-        InvalidInputError: no disk, NaN or Inf.
-    """
+    """Return ``DiskState[]`` as a scene (N, 8); raises `InvalidInputError`: no disk, NaN or Inf."""
     values = [[getattr(disk, column) for column in STATE_NAMES] for disk in disks]
     return check_disks(np.array(values, dtype=np.float64).reshape(-1, STATE_SIZE), name)
 
 
 def check_disks(scene: Scene, name: str = "scene") -> Scene:
-    """Return a scene (N, 8) that came over the wire when it has the numbers of one.
-
-    Raises:
-        InvalidInputError: no disk, NaN or Inf.
-    """
+    """Return a scene (N, 8) that came over the wire, with a disk and of finite numbers."""
     if len(scene) < MIN_DISKS:
         raise InvalidInputError(f"{name} has {len(scene)} disks; it needs at least {MIN_DISKS}")
     if not np.isfinite(scene).all():
@@ -82,11 +74,7 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
 
 
 def decode_scene(message: Any) -> Scene:
-    """Return the bodies (N, 8) of a ``Scene`` by which a robot may be moved.
-
-    Raises:
-        InvalidInputError: another frame than ``world``, an impossible stamp, or see `check_bodies`.
-    """
+    """Return the bodies (N, 8) of a ``Scene`` by which a robot may be moved."""
     frame, stamp = message.header.frame_id, message.header.stamp
     if frame not in FRAMES:
         raise InvalidInputError(f"the scene is in frame {frame[:64]!r}; it must be in 'world'")
@@ -99,11 +87,7 @@ def decode_scene(message: Any) -> Scene:
 
 
 def check_bodies(scene: Scene, name: str = "scene") -> Scene:
-    """Return a finite scene (N, 8) when each number can be one of a body on a table.
-
-    Raises:
-        InvalidInputError: naming the first that cannot.
-    """
+    """Return a finite scene (N, 8) when each number can be one of a body on a table."""
     low, high = RANGES.T
     wrong = (scene < low) | (scene > high)
     if wrong.any():
@@ -118,11 +102,7 @@ def check_bodies(scene: Scene, name: str = "scene") -> Scene:
 
 
 def decode_push(message: Any) -> PushArray:
-    """Return a ``Push`` as an array (5,); a speed of 0, as of a field left out, is the default.
-
-    Raises:
-        InvalidInputError: NaN or Inf.
-    """
+    """Return a ``Push`` as an array (5,); a speed of 0, as of a field left out, is the default."""
     return check_fields(push_as_sent(message), PUSH_NAMES, "push")
 
 
@@ -139,12 +119,7 @@ def as_sent(numbers: Pushes) -> Pushes:
 
 
 def decode_goal(message: Any) -> Goal:
-    """Return what a ``Goal``, received or recorded, asks for; a tolerance of 0 is the default.
-
-    Raises:
-        InvalidInputError: no poses, more of them than a scene may have bodies, NaN or Inf.
-        OutOfRangeError: a tolerance that is not positive, or too large.
-    """
+    """Return what a ``Goal``, received or recorded, asks for; a tolerance of 0 is the default."""
     poses = message.poses
     if len(poses) > MOST_BODIES:
         raise InvalidInputError(f"the goal has {len(poses)} poses; at most {MOST_BODIES} may be")
@@ -173,11 +148,7 @@ def _pose_numbers(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
 
 
 def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tuple[Place, Turn]:
-    """Return a place (3,) [m] and a unit quaternion (4,).
-
-    Raises:
-        InvalidInputError: NaN, Inf, or a quaternion that is no rotation.
-    """
+    """Return a place (3,) [m] and a unit quaternion (4,), if they can be such."""
     if not all(map(isfinite, (*place, *turn))):
         raise InvalidInputError(f"{what} has a number that is NaN or Inf; all must be finite")
     size = float(np.linalg.norm(turn))
@@ -189,11 +160,7 @@ def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tupl
 
 
 def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
-    """Return x, y and heading (3,) of an upright body.
-
-    Raises:
-        InvalidInputError: its z axis does not point up.
-    """
+    """Return x, y and heading (3,) of a body whose z axis points up."""
     x, y, z, w = turn.tolist()
     upright = 1.0 - 2.0 * (x * x + y * y)
     if upright < UPRIGHT:
@@ -204,11 +171,7 @@ def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
 
 
 def decode_reach(message: Any) -> ReachTable:
-    """Return an ``OccupancyGrid`` as a table of reach: 0 is a square that the tool can stand in.
-
-    Raises:
-        InvalidInputError: turned, of another size than stated, or without such a square.
-    """
+    """Return an ``OccupancyGrid`` as a table of reach: 0 is a square that the tool can stand in."""
     info = message.info
     rows, columns, cell = int(info.height), int(info.width), float(info.resolution)
     x, y, turn = flat_pose(*check_pose(*_pose_numbers(info.origin), "origin"), "origin")
@@ -263,11 +226,7 @@ def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]
 
 
 def decode_past(request: Any) -> PushHistory:
-    """Return the earlier pushes that a ``Rollout`` or ``PredictResidual`` request tells of.
-
-    Raises:
-        InvalidInputError: arrays that do not fit the dimensions, or cannot be an episode.
-    """
+    """Return the earlier pushes that a ``Rollout`` or ``PredictResidual`` request tells of."""
     past, disks = request.past, request.disks
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
@@ -285,11 +244,7 @@ def _decode_noise(values: Sequence[float], shape: tuple[int, int]) -> ndarray | 
 
 
 def decode_result(message: Any) -> tuple[Scene, PushArray, Scene]:
-    """Return the scene (N, 8) before a ``PushResult``, its push, and the scene after it.
-
-    Raises:
-        InvalidInputError: NaN or Inf, or scenes of different numbers of disks.
-    """
+    """Return the scene (N, 8) before a ``PushResult``, its push, and the scene after it."""
     before = decode_disks(message.before.disks, "scene before the push")
     after = decode_disks(message.after.disks, "scene after the push")
     if len(before) != len(after):
@@ -303,11 +258,7 @@ def decode_rollout(response: Any, shape: tuple[int, int, int]) -> PredictedScene
 
 
 def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) -> ndarray:
-    """Return a flat, row-major ``float64[]`` in its shape.
-
-    Raises:
-        InvalidInputError: the count does not fit the shape, NaN or Inf.
-    """
+    """Return a flat, row-major ``float64[]`` in its shape, finite."""
     array = np.asarray(values, dtype=np.float64)
     if array.size != prod(shape):
         raise InvalidInputError(
@@ -323,11 +274,7 @@ def decode_floats(values: Sequence[float], shape: tuple[int, ...], name: str) ->
 def _decode_pushes(
     values: Sequence[float], shape: tuple[int, ...], name: str, bodies: int
 ) -> ndarray:
-    """Return pushes (*shape, 5) against so many bodies.
-
-    Raises:
-        InvalidInputError: see `decode_floats`; or one is against a body that does not exist.
-    """
+    """Return pushes (*shape, 5) against so many bodies."""
     pushes = decode_floats(values, (*shape, PUSH_SIZE), name)
     body = pushes[..., BODY]
     wrong = (body < 0) | (body >= bodies) | (body % 1.0 != 0.0)
@@ -339,11 +286,7 @@ def _decode_pushes(
 
 
 def check_fields(values: ndarray, fields: tuple[str, ...], name: str) -> ndarray:
-    """Return numbers that came over the wire, one a field, when they are finite.
-
-    Raises:
-        InvalidInputError: one is NaN or Inf.
-    """
+    """Return numbers that came over the wire, one a field, when they are finite."""
     for field, value in zip(fields, values, strict=True):
         if not np.isfinite(value):
             raise InvalidInputError(f"{field} of the {name} is {value}; must be finite")

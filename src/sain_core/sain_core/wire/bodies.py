@@ -36,11 +36,8 @@ FEET_COUNT: Final = 3  # of supports in a message; any other number is those of 
 def decode_bodies(message: Any) -> Bodies:
     """Return the shapes and roles that a ``Bodies`` message states.
 
-    Raises:
-        InvalidInputError: no body or too many; parts that are no convex polygons, run clockwise,
-            are too many or do not touch; another outline than the shape has here.
-        OutOfRangeError: a radius that is not positive or too large.
-        ConfigError: a role that does not exist, or no pushable body.
+    Raises `InvalidInputError`: a number of bodies, or parts, that cannot be; another outline than
+    the shape has here; `OutOfRangeError`: a radius; `ConfigError`: a role.
     """
     count = len(message.bodies)
     if not 1 <= count <= MOST_BODIES:
@@ -57,12 +54,7 @@ def decode_bodies(message: Any) -> Bodies:
 
 
 def decode_request_bodies(request: Any) -> Bodies:
-    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; by default disks.
-
-    Raises:
-        InvalidInputError: another number of shapes or roles than of bodies.
-        ConfigError: a shape or a role that does not exist, or no pushable body.
-    """
+    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; by default disks."""
     shapes, roles = request.shapes, request.roles
     for name, given in (("shapes", shapes), ("roles", roles)):
         if len(given) not in (0, request.disks):

@@ -14,19 +14,12 @@ MOST_PLACES: Final = 1000  # of a curve
 
 @dataclass(frozen=True, eq=False)
 class LearnedCurve:
-    """A quantity against the number of pushes.
-
-    Attributes:
-        name: of it.
-        unit: empty: a share, a factor, or the coefficient of a friction.
-        pushes: learned from, in order.
-        values: it, and the ends of its 95 % interval; NaN where it is not known.
-    """
+    """A quantity against the number of pushes learned from."""
 
     name: str
-    unit: str
-    pushes: Int[ndarray, "C"]
-    values: Float[ndarray, "C 3"]
+    unit: str  # empty: a share, a factor, or the coefficient of a friction
+    pushes: Int[ndarray, "C"]  # in order
+    values: Float[ndarray, "C 3"]  # it, and the ends of its 95 % interval; NaN: not known
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,11 +35,7 @@ class Learned:
 
 
 def decode_learning(message: Any) -> Learned:
-    """Return what a ``Learning`` says.
-
-    Raises:
-        InvalidInputError: a curve whose columns differ in length, or that has too many places.
-    """
+    """Return what a ``Learning`` says; raises `InvalidInputError`: a curve with uneven columns."""
     return Learned(
         str(message.laboratory),
         str(message.service),

@@ -80,8 +80,7 @@ class SceneDoor:
     def take(self, message: Any, now: float, clock: float) -> SeenScene:
         """Hold a scene that came at two times, of a steady clock and of that of headers.
 
-        Raises:
-            InvalidInputError: what is wrong with it; then the one before stays.
+        Raises `InvalidInputError`: what is wrong with it; then the one before stays.
         """
         try:
             seen = SeenScene.of(message, now)
@@ -103,12 +102,9 @@ class SceneDoor:
             raise StaleSceneError(text)
 
     def check_stroke(self, planned: SeenScene, now: float, clock: float) -> None:
-        """Check that bodies are where they were in the scene that a push was planned from.
+        """Raise `StaleSceneError` where bodies are not where they were when a push was planned.
 
-        A push is under way, so the scene is not settled.
-
-        Raises:
-            StaleSceneError: they are not, or what is held is bad or old.
+        The push is under way, so the scene is not settled.
         """
         text, seen = self._unseen(now, clock), self.seen
         if text or seen is None:

@@ -28,11 +28,10 @@ from sain_core.ros.node_main import (
     OK,
     WARN,
     Diagnostics,
-    LatchedTopic,
     steady_timer,
 )
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE
 from sain_core.ros.worker import Worker
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.shapes.bodies import Bodies as Shapes
@@ -134,7 +133,7 @@ class LearnerNode(Node):
         self._loaded = -1  # generation that the model's node was asked to load
         self._asked: Any = None  # the answer that is waited for
         self._closed = False
-        self.topic = LatchedTopic(self, Learning, "learning")
+        self.topic = self.create_publisher(Learning, "learning", LATCHED)
         self._load_model = self.create_client(LoadModel, "load_model")
         LiveParameters(self, self.config, self._on_settings)
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE)

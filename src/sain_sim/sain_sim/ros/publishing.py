@@ -18,7 +18,7 @@ from sain_core.guarding.session import Session
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
-from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics, LatchedTopic
+from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y, is_settled
 from sain_core.types import Scene
@@ -119,7 +119,9 @@ class Publishing:
         self._session = session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
-        self._shapes = LatchedTopic(node, Bodies, "shapes") if simulator.config.scenes else None
+        self._shapes = (
+            node.create_publisher(Bodies, "shapes", LATCHED) if simulator.config.scenes else None
+        )
         self._scene = None
         if simulator.config.scenes:
             self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)

@@ -23,11 +23,10 @@ from sain_core.ros.node_main import (
     OK,
     WARN,
     Diagnostics,
-    LatchedTopic,
     steady_timer,
 )
 from sain_core.ros.parameters import LiveParameters, read_parameters
-from sain_core.ros.qos import LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, QUEUE, RELIABLE, TRANSFORMS
 from sain_core.scene import Table
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
@@ -60,7 +59,7 @@ class SceneNode(Node):
         self.tracker = SceneTracker(self.bodies, config, ids)
         self.kept, self.trouble, self.conflict = ids, "", ""
         self.last: SceneMessage | None = None
-        self.shapes_publisher = LatchedTopic(self, Bodies, "shapes")
+        self.shapes_publisher = self.create_publisher(Bodies, "shapes", LATCHED)
         self.scene_publisher = self.create_publisher(SceneMessage, "scene", RELIABLE)
         self.estimates = self.create_publisher(Detection3DArray, "estimates", RELIABLE)
         self.markers = MarkerBoard(self, "markers")

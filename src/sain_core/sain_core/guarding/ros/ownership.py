@@ -18,9 +18,7 @@ from sain_core.guarding.untrusted import private_folder
 def lock_namespace(node: Node) -> finalize:
     """Lock the namespace of a node that executes pushes; return what releases it when called.
 
-    Raises:
-        BusyError: another process of this user has locked it; named by its number.
-        OutputError: the file of the lock cannot be written.
+    Raises `BusyError`, which names the process of this user that has locked it, or `OutputError`.
     """
     space, domain = node.get_namespace(), node.context.get_domain_id()
     path = private_folder() / lock_name(domain, space)

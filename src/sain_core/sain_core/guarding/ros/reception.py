@@ -8,7 +8,7 @@ import inspect
 import traceback
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Future
-from dataclasses import dataclass
+from math import inf
 from time import monotonic
 from typing import Any, Final, TypeVar
 
@@ -45,11 +45,7 @@ LARGE_BYTES: Final = 2**29  # of one with an image, or with the scenes of many p
 
 
 def check_size(message: Any, most: int = MOST_BYTES) -> None:
-    """Check the size of a message; one that is too large is emptied, in place: its ids stay.
-
-    Raises:
-        InvalidInputError: it is too large.
-    """
+    """Raise `InvalidInputError` for a message that is too large; it is emptied, but for ids."""
     if not _is_surely_within(message, most) and (size := len(serialize_message(message))) > most:
         _empty(message)
         raise InvalidInputError(f"the message has {size} bytes; at most {most} are accepted")
@@ -90,7 +86,6 @@ def shortened(text: str) -> str:
 
 
 LINGER: Final = 3.0  # [s] that a problem is shown after the last bad message, and good ones since
-REPEAT: Final = 10.0  # [s] between two lines of the log on one topic while its messages are bad
 
 T = TypeVar("T")
 Refuse = Callable[[Any, BaseException], None]
@@ -116,15 +111,6 @@ def take_waiting(subscription: Subscription) -> None:
         subscription.callback(taken[0])
 
 
-@dataclass
-class _Ignored:
-    """What was wrong with the messages of a topic, and when [s] the last came and was logged."""
-
-    text: str
-    came: float
-    logged: float
-
-
 class Reception:
     """Takes what is sent to one node. Make and call it on the executor's thread."""
 
@@ -134,12 +120,12 @@ class Reception:
         self._received: dict[str, int] = {}
         self._defects = 0
         self._last_trace = ""
-        self._ignored: dict[str, _Ignored] = {}  # by topic
+        self._ignored: dict[str, tuple[str, float]] = {}  # why and when [s] the last was, by topic
 
     @property
     def trouble(self) -> str:
         """What is wrong with messages that are ignored, in words; empty: nothing."""
-        return "; ".join(one.text for one in self._ignored.values())
+        return "; ".join(text for text, _ in self._ignored.values())
 
     @property
     def figures(self) -> dict[str, int]:
@@ -159,7 +145,7 @@ class Reception:
     ) -> Subscription:
         """Subscribe; `refuse` answers a message over `most` bytes, or that fails the callback.
 
-        Without it, such a message is ignored: logged once, and shown as `trouble`.
+        Without it, such a message is ignored: the first is logged, and all show as `trouble`.
         """
         handle = self.guarded(topic, callback, refuse, most)
         return self._node.create_subscription(kind, topic, handle, qos)
@@ -186,14 +172,10 @@ class Reception:
                 self.log_defect(error)
                 refuse(message, error)
             else:
-                self._forgive(name)
+                if monotonic() > self._ignored.get(name, ("", inf))[1] + LINGER:
+                    del self._ignored[name]
 
         return take
-
-    def _forgive(self, topic: str) -> None:
-        before = self._ignored.get(topic)
-        if before is not None and monotonic() > before.came + LINGER:
-            del self._ignored[topic]
 
     def serve(
         self,
@@ -265,12 +247,9 @@ class Reception:
 
     def _ignore(self, topic: str) -> Refuse:
         def ignore(_: Any, error: BaseException) -> None:
-            now, text = monotonic(), f"a message on {topic} is ignored: {shortened(str(error))}"
-            before = self._ignored.get(topic)
-            repeats = before is not None and now < before.logged + REPEAT
-            if not repeats:
+            text = f"a message on {topic} is ignored: {shortened(str(error))}"
+            if topic not in self._ignored:
                 self._node.get_logger().warning(text)
-            logged = before.logged if before is not None and repeats else now
-            self._ignored[topic] = _Ignored(text, now, logged)
+            self._ignored[topic] = text, monotonic()
 
         return ignore

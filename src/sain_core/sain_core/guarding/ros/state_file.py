@@ -44,9 +44,8 @@ class StateFile:
     def read(self) -> dict[str, Any]:
         """Return what was written last; nothing where there is none.
 
-        Raises:
-            DatasetError: it is not such a file; with its path, why, and what to do.
-            OutputError: it is a link, a device or a folder, which is never replaced.
+        Raises `DatasetError`: it is not such a file; `OutputError`: it is a link, a device or a
+        folder.
         """
         if self._path is None or not is_file(self._path):
             return {}
@@ -62,11 +61,7 @@ class StateFile:
 
     @contextmanager
     def decoding(self) -> Iterator[None]:
-        """Decode what was read within this.
-
-        Raises:
-            DatasetError: what is decoded is missing or of another kind; as from `read`.
-        """
+        """Turn errors of decoding what was read into a `DatasetError` with the path."""
         try:
             yield
         except KeyError as error:
