@@ -5,12 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sain_core.conformance import check_dynamics, sample_pushes, violations
+from sain_core.conformance import check_dynamics, violations
 from sain_core.errors import ModelUnavailableError
 from sain_core.model import IdentityPrior, Model
 from sain_core.push import LENGTH
-from sain_core.scene import MASS, VX
-from sain_core.shapes.bodies import check_bodies
+from sain_core.scene import VX
 from sain_core.types import Pushes, Scenes
 
 Spoil = Callable[[Scenes, Pushes, Scenes], Scenes]
@@ -27,19 +26,14 @@ class Shifting(Model):
 
     def __init__(self, spoil: Spoil) -> None:
         self.spoil = spoil
-        self.calls = 0
 
     def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
-        self.calls += 1
         return self.spoil(scenes, pushes, shift(scenes, pushes))
 
 
-def column(number: int, value: float) -> Spoil:
-    def spoil(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
-        predicted[pushes[:, LENGTH] > 0.0, 1, number] = value
-        return predicted
-
-    return spoil
+def moving(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
+    predicted[pushes[:, LENGTH] > 0.0, 1, VX] = 0.1
+    return predicted
 
 
 def in_place(scenes: Scenes, pushes: Pushes, predicted: Scenes) -> Scenes:
@@ -67,24 +61,12 @@ def test_a_model_that_keeps_the_contract_passes():
     check_dynamics(IdentityPrior())
 
 
-@pytest.mark.parametrize("disks", [2, 3, 5, 8])
-def test_the_scenes_that_are_tried_can_exist(disks):
-    scenes, pushes = sample_pushes(12, disks)
-    for scene in scenes:
-        check_bodies(scene)
-    assert (pushes[:-1, LENGTH] > 0.0).all() and pushes[-1, LENGTH] == 0.0
-
-
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
         (lambda s, a, p: p[:, :1], "step predicted scenes of shape"),
-        (lambda s, a, p: p.tolist(), "step returned a list"),
-        (lambda s, a, p: p.astype(np.float32).astype(np.float64), "other masses or radii"),
         (lambda s, a, p: p[:, ::-1].copy(), "disks must stay in their order"),
-        (column(0, np.nan), "step predicts NaN or Inf"),
-        (column(MASS, 9.0), "other masses or radii"),
-        (column(VX, 0.1), "step predicts disks that still move"),
+        (moving, "step predicts disks that still move"),
         (lambda s, a, p: p + np.eye(8)[0], "changes the scene of a push of length 0"),
         (at_random(), "step predicts something else when asked again"),
         (in_place, "step changes its arguments"),

@@ -1,12 +1,16 @@
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sain_core.feasibility import Feasibility, Reach, reachable
-from sain_core.push import PushLimits, mirror_pushes
-from sain_core.scene import POSITION, RADIUS, make_scene, mirror_scenes
+from sain_core.errors import InvalidInputError
+from sain_core.feasibility import Feasibility, Reach, ReachTable, reachable
+from sain_core.push import PushLimits
+from sain_core.ros.codec import encode_reach
+from sain_core.scene import POSITION, RADIUS, make_scene, unit
 from sain_core.types import Scene
+from sain_core.wire import decode_reach
 from tests.strokes import tool_end, tool_start
 
 LIMITS = PushLimits()
@@ -34,15 +38,6 @@ def test_the_gap_is_the_smallest_on_the_way(seed):
 
 
 @given(seeds)
-def test_feasibility_is_the_same_in_the_mirror(seed):
-    scene = pair((0.6, 0.1))
-    pushes = LIMITS.sample(np.random.default_rng(seed), 32)
-    scenes = np.broadcast_to(scene, (32, *scene.shape))
-    mirrored = Feasibility().mask(mirror_scenes(scenes), mirror_pushes(pushes))
-    np.testing.assert_array_equal(mirrored, Feasibility().mask(scenes, pushes))
-
-
-@given(seeds)
 def test_a_reachable_way_is_in_reach_at_every_place(seed):
     reach = Reach(inner=0.42, outer=0.62)
     scene, pushes = pair(), LIMITS.sample(np.random.default_rng(seed), 64)
@@ -54,3 +49,54 @@ def test_a_reachable_way_is_in_reach_at_every_place(seed):
     allowed = reachable(scenes, pushes, LIMITS, reach)
     assert not (allowed & ~inside).any()
     assert (allowed == inside).mean() > 0.9  # and is not refused without a reason
+
+
+CELL = 0.01
+RING = Reach()
+
+
+def table_of(reach: Reach) -> ReachTable:
+    """The squares that lie in another reach with all their corners."""
+    line = np.arange(-0.8, 0.81, CELL)
+    corners = reach.contains(np.stack(np.meshgrid(line, line), axis=-1))
+    free = corners[1:, 1:] & corners[:-1, 1:] & corners[1:, :-1] & corners[:-1, :-1]
+    return ReachTable.of((-0.8, -0.8), CELL, free)
+
+
+TABLE = table_of(RING)
+
+
+def test_a_table_of_a_ring_answers_as_the_ring_but_near_its_ends():
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (5000, 2))
+    clear = np.abs(RING.room(points)) > 2 * CELL
+    assert (TABLE.contains(points) <= RING.contains(points)).all()
+    np.testing.assert_array_equal(TABLE.contains(points)[clear], RING.contains(points)[clear])
+    ahead = (np.abs(RING.room(points)) < 0.15) & (points[:, 0] > 0.2)
+    assert np.abs(TABLE.room(points) - RING.room(points))[ahead].max() < 2 * CELL
+
+
+def test_a_way_is_covered_where_all_of_it_is_in_reach():
+    random = np.random.default_rng(1)
+    start = random.uniform(-0.9, 0.9, (2000, 2))
+    way, length = unit(random.uniform(-np.pi, np.pi, 2000)), random.uniform(0.0, 0.15, 2000)
+    shares = np.linspace(0.0, 1.0, 50)[:, None, None]
+    inside = np.stack([TABLE.contains(p) for p in start + shares * (length[:, None] * way)])
+    covered = TABLE.covers(start, way, length)
+    assert (covered >= inside.all(axis=0)).all()
+    assert np.mean(covered != inside.all(axis=0)) < 0.01
+
+
+def test_a_table_without_a_square_in_reach_is_refused():
+    with pytest.raises(InvalidInputError, match="none of them in reach"):
+        ReachTable.of((0.0, 0.0), CELL, np.zeros((3, 3), dtype=bool))
+
+
+def test_a_table_crosses_the_wire_unchanged():
+    message = encode_reach(TABLE, Time())
+    back = decode_reach(message)
+    np.testing.assert_array_equal(back.free, TABLE.free)
+    assert back.corner == TABLE.corner
+    assert back.cell == pytest.approx(TABLE.cell)
+    message.info.width -= 1
+    with pytest.raises(InvalidInputError, match=r"states 160 x 159 cells and has 25600"):
+        decode_reach(message)

@@ -14,11 +14,6 @@ def test_the_same_seed_and_path_give_the_same_bytes_in_another_process():
     assert there.stdout.split()[-1] == generator(7, "collect", 12).bytes(32).hex()
 
 
-def test_a_negative_seed_is_refused():
-    with pytest.raises(ValueError, match="seed is -1"):
-        generator(-1)
-
-
 def test_the_bootstrap_holds_the_mean_and_shrinks_with_more_values():
     values = generator(0).normal(5.0, 1.0, 400)
     few, many = (bootstrap_mean(values[:n], generator(1)) for n in (20, 400))

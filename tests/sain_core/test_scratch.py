@@ -14,7 +14,6 @@ HOLD = (
     "from sain_core.scratch import scratch_folder; import sys;"
     " held = scratch_folder('shape'); print(held.name, flush=True); sys.stdin.read()"
 )
-ENDS = {"at its end": True, "when it is killed": False}
 
 
 def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
@@ -29,38 +28,25 @@ def start(temporary: Path) -> tuple["subprocess.Popen[str]", Path]:
     return process, Path(process.stdout.readline().strip()).parent
 
 
-@pytest.mark.parametrize("how", ENDS)
-def test_a_folder_goes_with_its_process(tmp_path, how):
+@pytest.mark.parametrize("killed", [False, True])
+def test_a_folder_goes_with_its_process(tmp_path, killed):
+    """Nothing else does that has such a name."""
+    (tmp_path / "victim").mkdir()
+    (tmp_path / f"{scratch.PREFIX}link").symlink_to(tmp_path / "victim")
+    os.mkfifo(tmp_path / f"{scratch.PREFIX}fifo")
     process, folder = start(tmp_path)
-    old = folder.stat().st_mtime - 2.0 * scratch.YOUNG
-    os.utime(folder, (old, old))
+    for one in tmp_path.iterdir():
+        os.utime(one, (0.0, 0.0), follow_symlinks=False)
     scratch._remove_abandoned(tmp_path)
     assert folder.is_dir(), "its process lives"
-    if ENDS[how]:
-        process.communicate("")
-        assert not folder.exists()
-    else:
+    if killed:
         process.kill()
         process.wait()
         scratch._remove_abandoned(tmp_path)
-        assert not folder.exists()
-
-
-@pytest.mark.parametrize("what", ["FIFO", "link", "file"])
-def test_what_others_put_among_the_temporary_folders_is_ignored(tmp_path, what):
-    planted, victim = tmp_path / f"{scratch.PREFIX}x", tmp_path / "victim"
-    victim.mkdir()
-    {
-        "FIFO": lambda: os.mkfifo(planted),
-        "link": lambda: planted.symlink_to(victim),
-        "file": lambda: planted.write_text("x"),
-    }[what]()
-    os.utime(planted, (0.0, 0.0), follow_symlinks=False)
-    process, folder = start(tmp_path)  # its first folder looks for abandoned ones
-    assert folder.is_dir()
-    assert planted.is_symlink() or planted.exists()
-    assert victim.is_dir()
-    process.communicate("")
+    else:
+        process.communicate("")
+    assert not folder.exists()
+    assert len([*tmp_path.iterdir()]) == 3
 
 
 def test_the_private_folder_is_nobody_elses(tmp_path, monkeypatch):

@@ -13,7 +13,6 @@ from sain_core.transitions import (
     SHAPED,
     Column,
     PushHistory,
-    Transitions,
     draw_parts,
 )
 
@@ -25,16 +24,6 @@ def test_every_column_is_explained_and_written_by_someone():
     for column in Column:
         np.dtype(column.dtype)
         assert column.meaning
-
-
-def test_transitions_are_selected_together():
-    state = np.arange(48.0).reshape(3, 2, 8)
-    data = Transitions(state, np.arange(9.0).reshape(3, 3), state + 1.0)
-    picked = data.select(np.array([True, False, True]))
-    assert (len(picked), picked.disks) == (2, 2)
-    np.testing.assert_array_equal(picked.action, [[0.0, 1.0, 2.0], [6.0, 7.0, 8.0]])
-    np.testing.assert_array_equal(picked.next_state, picked.state + 1.0)
-    assert list(data.arrays) == [Column.STATE, Column.ACTION, Column.NEXT_STATE]
 
 
 SCENE = np.zeros((2, 8))
@@ -56,6 +45,12 @@ def test_a_history_grows_push_by_push_and_leaves_the_old_one_as_it_was():
     np.testing.assert_array_equal(grown.action, [PUSH, 2 * PUSH])
     np.testing.assert_array_equal(grown.state, [SCENE, after])
     np.testing.assert_array_equal(grown.next_state, [after, SCENE])
+    assert grown.noise is None
+    noisy = grown.then(SCENE, PUSH, SCENE, np.array([0.001, 0.002]))
+    np.testing.assert_array_equal(noisy.noise, [[0.0, 0.0], [0.0, 0.0], [0.001, 0.002]])
+    assert noisy.equals(noisy) and not noisy.latest(2).equals(grown)
+    with pytest.raises(InvalidInputError, match=r"noise is -0\.1 m"):
+        begun.then(SCENE, PUSH, SCENE, np.array([0.0, -0.1]))
 
 
 @pytest.mark.parametrize(
@@ -75,18 +70,6 @@ def test_what_cannot_be_an_episode_is_refused(field, change, text):
     arrays = {name: getattr(good, name) for name in ("state", "action", "next_state")}
     with pytest.raises(InvalidInputError, match=text):
         PushHistory(**{**arrays, field: change(arrays[field])})  # type: ignore[operator]
-
-
-def test_noise_stays_with_its_push_and_must_be_possible():
-    grown = PushHistory.empty().then(SCENE, PUSH, SCENE)
-    assert grown.noise is None
-    grown = grown.then(SCENE, PUSH, SCENE, np.array([0.001, 0.002]))
-    np.testing.assert_array_equal(grown.noise, [[0.0, 0.0], [0.001, 0.002]])
-    np.testing.assert_array_equal(grown.latest(1).noise, [[0.001, 0.002]])
-    exact = PushHistory.empty().then(SCENE, PUSH, SCENE).then(SCENE, PUSH, SCENE)
-    assert not exact.equals(grown) and not grown.equals(exact) and grown.equals(grown)
-    with pytest.raises(InvalidInputError, match=r"noise is -0\.1 m"):
-        PushHistory.empty().then(SCENE, PUSH, SCENE, np.array([0.0, -0.1]))
 
 
 @pytest.mark.parametrize(("test", "least"), [(0.15, 3), (0.0, 2)])

@@ -5,7 +5,6 @@ import re
 import pytest
 
 from sain_core.errors import ErrorCode
-from sain_interfaces.msg import ErrorCodes
 from tests.paths import ROOT
 
 INTERFACES = ROOT / "src" / "sain_interfaces"
@@ -19,11 +18,6 @@ def test_the_constants_are_those_of_the_code():
     text = (INTERFACES / "msg" / "ErrorCodes.msg").read_text()
     written = {name: int(value) for name, value in re.findall(r"^uint16 (\w+) = (\d+)", text, re.M)}
     assert written == {code.name: code.value for code in ErrorCode}
-
-
-@pytest.mark.parametrize("code", ErrorCode, ids=lambda code: code.name)
-def test_ros_generates_each_constant(code):
-    assert getattr(ErrorCodes, code.name) == code
 
 
 def test_the_messages_that_carry_a_code_are_known():

@@ -1,7 +1,7 @@
 """What bodies should come to: poses, and the one judge of how far a scene is from them."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Final, Self
+from typing import Final, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -104,26 +104,23 @@ class Goal:
 
     def within(self, tolerance: float, heading_tolerance: float) -> Self:
         """Return the goal with other tolerances [m] and [rad] of all poses."""
-        return self._each(tolerance=tolerance, heading_tolerance=heading_tolerance)
+        made = {"tolerance": tolerance, "heading_tolerance": heading_tolerance}
+        return replace(self, poses=tuple(replace(pose, **made) for pose in self.poses))
 
     def fitted(self, count: int) -> Self:
         """Return the goal in a scene of so many bodies: a single one stands for the target."""
-        return self._each(body=0) if count == 1 and self.is_place else self
+        if count > 1 or not self.is_place:
+            return self
+        return replace(self, poses=(replace(self.poses[0], body=0),))
 
     def with_pose(self, body: int, x: float, y: float, heading: float) -> Self:
         """Return the goal with another pose [m, rad] of one body; a free heading stays free."""
-        return replace(
-            self,
-            poses=tuple(
-                replace(pose, x=x, y=y, heading=None if pose.heading is None else heading)
-                if pose.body == body
-                else pose
-                for pose in self.poses
-            ),
-        )
-
-    def _each(self, **fields: Any) -> Self:
-        return replace(self, poses=tuple(replace(pose, **fields) for pose in self.poses))
+        poses = list(self.poses)
+        for place, pose in enumerate(poses):
+            if pose.body == body:
+                turned = None if pose.heading is None else heading
+                poses[place] = replace(pose, x=x, y=y, heading=turned)
+        return replace(self, poses=tuple(poses))
 
     @property
     def numbers(self) -> np.ndarray:

@@ -2,7 +2,6 @@
 
 import io
 
-import pytest
 from rich.console import Console
 from rich.text import Text
 
@@ -42,10 +41,3 @@ def test_rows_become_pairs_where_they_do_not():
         "  Type: rosgraph_msgs/msg/Clock",
         "  Messages: 8  Rate: -",
     ]
-
-
-@pytest.mark.parametrize("width", range(30, 100, 10))
-def test_no_line_is_too_long_and_no_number_is_cut(width):
-    text = shown(width)
-    assert max(map(len, text.splitlines())) <= max(width, len("  Type: sain_interfaces/msg/Scene"))
-    assert "1,234,567" in text and "30.0 Hz" in text and "…" not in text

@@ -5,7 +5,7 @@ from geometry_msgs.msg import Vector3
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sain_core.ros.markers import MarkerBoard, make_marker
-from tests.rviz import Rviz, shown
+from tests.rviz import shown
 
 
 def cubes(count):
@@ -27,17 +27,6 @@ def board(graph):
 def arrays(graph, count):
     graph.wait(lambda: len(graph.heard["boxes"]) >= count, f"{count} arrays")
     return graph.heard["boxes"]
-
-
-def test_a_viewer_shows_the_latest_array_and_nothing_else(graph, board):
-    counts = (3, 1, 0, 2)
-    for count in counts:
-        board.show(cubes(count))
-    rviz = Rviz()
-    for array, count in zip(arrays(graph, len(counts)), counts, strict=True):
-        rviz.receive(array)
-        assert rviz.count().get("cubes", 0) == count
-    assert not rviz.problems
 
 
 def test_a_new_viewer_loses_the_markers_of_a_former_node(graph, board):

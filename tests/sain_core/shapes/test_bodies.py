@@ -27,20 +27,21 @@ def test_bodies_that_cannot_be_are_refused(shapes, roles, message):
         Bodies.named(shapes, roles)
 
 
-def test_bodies_that_overlap_are_named_with_how_far():
-    bodies = Bodies.named(("square", "t"))
-    with pytest.raises(InvalidInputError) as caught:
-        check_bodies(scene((0.5, 0.0), (0.55, 0.0)), bodies)
-    assert "bodies 0 (square) and 1 (t) overlap by" in str(caught.value)
-    assert "mm; at most 1 mm is allowed" in str(caught.value)
-
-
-def test_another_number_of_bodies_and_a_body_off_the_table_are_refused():
-    bodies = Bodies.named(("t", "l"))
-    with pytest.raises(InvalidInputError, match="the scene has 1 bodies; "):
-        check_bodies(scene((0.5, 0.0)), bodies)
-    with pytest.raises(OffTableError, match="disk 1 at "):
-        check_bodies(scene((0.5, 0.0), (1.5, 0.0)), bodies, Table())
+@pytest.mark.parametrize(
+    ("places", "error", "message"),
+    [
+        (
+            [(0.5, 0.0), (0.55, 0.0)],
+            InvalidInputError,
+            r"0 \(square\) and 1 \(t\) overlap by .* mm",
+        ),
+        ([(0.5, 0.0)], InvalidInputError, "the scene has 1 bodies; "),
+        ([(0.5, 0.0), (1.5, 0.0)], OffTableError, "disk 1 at "),
+    ],
+)
+def test_a_scene_that_cannot_be_is_refused(places, error, message):
+    with pytest.raises(error, match=message):
+        check_bodies(scene(*places), Bodies.named(("square", "t")), Table())
 
 
 def test_a_cube_stands_in_for_a_disk_as_long_as_the_roles_are_the_paper_s():

@@ -8,14 +8,17 @@ from shapely import LineString, MultiPoint, Point, Polygon, contains_xy, union_a
 
 from sain_core.scene import DISK_HEIGHT, make_scene, unit, wrap_angle
 from sain_core.shapes.library import get_shape, shape_names
+from sain_core.shapes.outlines import trace
 from sain_core.shapes.shape import distance_to_way, is_inside, outline_of
 from sain_core.types import Points
 from tests.hexagon import HEXAGON, SOME
 
-SHAPES = [*map(get_shape, shape_names()), HEXAGON]
+WAIST = (0.06 + 0.02 * np.cos(np.linspace(0.0, 4 * pi, 600, endpoint=False)))[:, None]
+TRACED = trace("waist", WAIST * unit(np.linspace(0.0, 2 * pi, 600, endpoint=False))).shape
+SHAPES = [*map(get_shape, shape_names()), HEXAGON, TRACED]
 ALL = pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: shape.name)
 FEW = pytest.mark.parametrize(
-    "shape", [*map(get_shape, SOME), HEXAGON], ids=lambda shape: shape.name
+    "shape", [*map(get_shape, SOME), HEXAGON, TRACED], ids=lambda shape: shape.name
 )
 
 
@@ -77,16 +80,6 @@ def test_inertia_is_that_of_many_points_in_the_outline(shape):
     upright = DISK_HEIGHT**2 / 12
     expected = 8.0 * np.array([y_square + upright, x_square + upright, x_square + y_square])
     assert np.allclose(shape.inertia(8.0, 0.06), expected, rtol=0.005)
-
-
-def test_the_shapes_of_the_paper():
-    names = shape_names()[:2]
-    assert names == ["disk", "cube"]
-    assert [get_shape(name).symmetry for name in names] == [0.0, pi / 2]
-    assert get_shape("cube").outline(0.05).tolist() == [
-        [0.05, 0.05], [-0.05, 0.05], [-0.05, -0.05], [0.05, -0.05]
-    ]  # fmt: skip
-    assert [len(get_shape(name).feet) for name in names] == [3, 3]
 
 
 HOLLOW = ("half_ring", "u", "ring_segment", "l", "corner")

@@ -46,17 +46,12 @@ def test_shapes_of_the_library_are_found_by_name():
     )
 
 
-@pytest.mark.parametrize("supports", [[], FEET[:1] * 9], ids=["none stated", "nine"])
-def test_what_does_not_stand_on_three_feet_lies_flat(supports):
+@pytest.mark.parametrize("name", ["t", "t:flat"])
+def test_what_does_not_stand_on_three_feet_lies_flat(name):
     parts = [prism(part) for part in get_shape("t").parts(0.09)]
-    sent = body(supports=supports), body("tee_of_others", parts=parts, supports=supports)
-    found = decode_bodies(bodies(*sent))
-    assert found.lie_flat and [shape.name for shape in found.shapes] == [
-        "t:flat",
-        "tee_of_others:flat",
-    ]
-    sent[0].name = "t:flat"
-    assert decode_bodies(bodies(*sent)) == found
+    sent = [body(one, parts=parts, supports=FEET[:1] * 9) for one in (name, "tee_of_others")]
+    found = [shape.name for shape in decode_bodies(bodies(*sent)).shapes]
+    assert found == ["t:flat", "tee_of_others:flat"]
 
 
 def test_a_shape_that_is_not_installed_is_made_of_its_parts():
@@ -70,7 +65,6 @@ def test_a_shape_that_is_not_installed_is_made_of_its_parts():
 
 
 SQUARE = 0.06 * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
-BOW = SQUARE[[0, 2, 1, 3]]
 
 
 @pytest.mark.parametrize(
@@ -79,25 +73,17 @@ BOW = SQUARE[[0, 2, 1, 3]]
         (bodies(), InvalidInputError, "the message has 0 bodies; allowed: 1 to 32"),
         (bodies(*[disk()] * 33), InvalidInputError, "has 33 bodies"),
         (bodies(disk("pushable"), body(role="idle")), ConfigError, "role of body 1 is 'idle'"),
-        (bodies(disk("fixed")), ConfigError, "no body is pushable"),
         (bodies(disk("pushable", np.nan)), OutOfRangeError, "radius of body 0 is nan m"),
         (bodies(disk("pushable", 1e-7)), OutOfRangeError, "radius of body 0 is 1e-07 m; allowed"),
-        (bodies(disk("pushable", 9.0)), OutOfRangeError, "radius of body 0 is 9.0 m"),
         (bodies(body("mine", parts=[])), InvalidInputError, "body 0: shape 'mine' has 0 parts"),
         (bodies(body("mine", parts=[prism(SQUARE)] * 13)), InvalidInputError, "has 13 parts"),
         (bodies(body("mine", parts=[prism(SQUARE[:2])])), InvalidInputError, "has 2 corners"),
         (bodies(body("x", parts=[prism(np.tile(SQUARE, (17, 1)))])), InvalidInputError, "68 corners"),
         (bodies(body("x", parts=[prism(SQUARE[::-1])])), InvalidInputError, "counter-clockwise"),
-        (bodies(body("x", parts=[prism(BOW)])), InvalidInputError, "a convex polygon"),
         (
             bodies(body(parts=[prism(99 * SQUARE)])),
             InvalidInputError,
             "has a part of [5.94, 5.94, -5.94, ",
-        ),
-        (
-            bodies(body(parts=[prism(SQUARE * np.nan)])),
-            InvalidInputError,
-            "a part of [nan, nan",
         ),
         (bodies(body(parts=[prism(SQUARE)])), InvalidInputError, "another outline than that shape"),
         (

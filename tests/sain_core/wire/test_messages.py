@@ -2,7 +2,6 @@
 
 from types import SimpleNamespace as Message
 
-import numpy as np
 import pytest
 
 from sain_core import wire
@@ -13,20 +12,6 @@ from sain_core.scene import STATE_NAMES
 
 def disk(**values: float) -> Message:
     return Message(**(dict.fromkeys(STATE_NAMES, 0.0) | values))
-
-
-def test_disks_become_rows():
-    scene = wire.decode_disks([disk(x=1.0, radius=0.1), disk(theta=2.0, mass=8.0)])
-    expected = np.zeros((2, 8))
-    expected[0, [0, 7]] = 1.0, 0.1
-    expected[1, [2, 6]] = 2.0, 8.0
-    np.testing.assert_array_equal(scene, expected)
-
-
-def test_a_scene_needs_a_body():
-    with pytest.raises(InvalidInputError, match="scene has 0 disks; it needs at least 1"):
-        wire.decode_disks([])
-    assert wire.decode_disks([disk()]).shape == (1, 8)
 
 
 def test_what_is_not_finite_is_named():
@@ -57,13 +42,9 @@ def test_a_rollout_request_is_decoded():
     ("values", "message"),
     [
         ({"samples": 0}, "samples is 0; it must be at least 1"),
-        ({"horizon": 0}, "horizon is 0; it must be at least 1"),
-        ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"samples": 3}, r"pushes has 10 numbers; 15 were expected, for shape \(3, 1, 5\)"),
         ({"pushes": [2.0] * 10}, "pushes names body 2; there are bodies 0 to 1"),
         ({"pushes": [0.5] * 10}, "pushes names body 0.5; there are bodies 0 to 1"),
-        ({"pushes": [-1.0] * 10}, "pushes names body -1; there are bodies 0 to 1"),
-        ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
     ],
 )
 def test_a_wrong_rollout_request_is_refused(values, message):
@@ -98,9 +79,6 @@ def test_the_past_is_decoded_and_may_be_empty():
     ("values", "message"),
     [
         ({"past": 3}, "past_scenes has 32 numbers; 48 were expected"),
-        ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
-        ({"disks": 3}, "past_scenes has 32 numbers; 48 were expected"),
-        ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"past_pushes": [0.1] * 6}, "past_pushes has 6 numbers; 10 were expected"),
         ({"past_pushes": [float("nan")] * 10}, r"past_pushes at \(0, 0\) is nan"),
         ({"past_noise": [0.001]}, "past_noise has 1 numbers; 4 were expected"),

@@ -30,8 +30,8 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.shape import Shape
-from sain_core.shapes.solids import Polygon
+from sain_core.shapes.outlines import Traced
+from sain_core.shapes.shape import REGULAR_FEET, Shape
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
@@ -79,7 +79,11 @@ def test_a_disk_as_a_polygon_moves_like_the_disk(config):
     bearings = np.arange(64) * 2 * np.pi / 64
     away = np.sqrt(np.pi / (32 * np.sin(2 * np.pi / 64)))
     corners = tuple((away * np.cos(b), away * np.sin(b)) for b in bearings.tolist())
-    polygon = Polygon("nearly round", corners=corners)
+
+    class Regular(Traced):
+        feet = REGULAR_FEET
+
+    polygon = Regular("nearly round", corners)
     disks = PlanarPrior(config).with_bodies(Bodies.disks(1))
     polygons = PlanarPrior(config).with_bodies(Bodies((polygon,)))
     scenes, pushes = draw(disks.bodies, batch=100)

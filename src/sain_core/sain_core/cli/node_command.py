@@ -6,7 +6,7 @@ import sys
 import textwrap
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 from sain_core.cli.arguments import split_ros_arguments
 from sain_core.cli.command_line import WRONG_USAGE, end_with_the_reader, load
@@ -31,17 +31,13 @@ class NodeCommand:
     offers: tuple[str, ...] = ()
     calls: tuple[str, ...] = ()
     actions: tuple[str, ...] = ()
+    needs_ros: ClassVar = True  # it does nothing without ROS 2
     example: str = ""  # a parameter in the help's example, as ``name:=value``
 
     @property
     def subcommand(self) -> str:
         """Its name as a subcommand of ``sain``."""
         return self.name.split()[1]
-
-    @property
-    def needs_ros(self) -> bool:
-        """Whether it does nothing without ROS 2: all nodes do."""
-        return True
 
     @property
     def summary(self) -> str:

@@ -18,11 +18,7 @@ DEPTH: Final = 64  # lists and objects inside each other
 JSON_ITEMS: Final = 4_000_000  # values, lists and objects
 YAML_EVENTS: Final = 200_000
 DIGITS: Final = 100  # of one number
-
-
-def too_deep() -> UntrustedFileError:
-    """Return the error about a document that is nested too deep."""
-    return UntrustedFileError(f"it is nested more than {DEPTH} deep")
+TOO_DEEP: Final = f"it is nested more than {DEPTH} deep"
 
 
 def too_long(number: str) -> UntrustedFileError:
@@ -48,7 +44,7 @@ def parse_json(text: str) -> Any:
             text, parse_int=_integer, parse_float=_number, object_pairs_hook=_object
         )
     except RecursionError:
-        raise too_deep() from None
+        raise UntrustedFileError(TOO_DEEP) from None
     except UntrustedFileError:
         raise
     except ValueError as error:
@@ -92,7 +88,7 @@ def _limit_depth(content: Any) -> None:
         ]
         if not level:
             return
-    raise too_deep()
+    raise UntrustedFileError(TOO_DEEP)
 
 
 def _refuse_half_characters(content: Any) -> None:
@@ -207,7 +203,7 @@ def parse_yaml(text: str) -> Any:
     except yaml.YAMLError as error:
         raise UntrustedFileError(one_line(error)) from error
     except RecursionError:
-        raise too_deep() from None
+        raise UntrustedFileError(TOO_DEEP) from None
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
         raise UntrustedFileError(f"a value cannot be read ({error})") from error
 
@@ -229,7 +225,7 @@ def _check_events(text: str) -> None:
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > DEPTH:
-                raise too_deep()
+                raise UntrustedFileError(TOO_DEEP)
         elif isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         elif isinstance(event, yaml.ScalarEvent) and _is_long_number(event):

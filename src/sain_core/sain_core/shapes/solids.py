@@ -161,7 +161,6 @@ class Disk(Shape):
 
 TOLERANCE: Final = 1e-6  # [radii], within which corners and centroids are equal
 GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
-REACH: Final = (0.5, 20.0)  # [radii], of the farthest corner; the disk of radius 1 is near it
 SCALES: Final = (1e-3, 1e6)  # the same in any unit: a union is rounded to `GRID`
 
 
@@ -197,31 +196,6 @@ class Prism(Shape):
         upright = DISK_HEIGHT**2 / 12
         along_x, along_y = (mass * float(square) for square in squares)
         return along_y + mass * upright, along_x + mass * upright, along_x + along_y
-
-
-@dataclass(frozen=True)
-class Polygon(Prism):
-    """An upright prism with a convex cross-section, about its centroid.
-
-    Raises `ConfigError` for corners that are not finite, no convex polygon, clockwise, off-centre.
-    """
-
-    corners: tuple[Pair, ...] = ()  # counter-clockwise, in units of the state's radius
-    feet: tuple[Pair, ...] = REGULAR_FEET
-
-    def __post_init__(self) -> None:
-        """Check the corners."""
-        _check_size(self.corners, REACH, f"shape {self.name!r}")
-        check_convex(self.corners, f"shape {self.name!r}")
-        _check_centre(np.array(self.corners), self.name)
-
-    def outline(self, radius: float) -> Points:
-        """Return the corners (M, 2) [m], counter-clockwise."""
-        return radius * np.array(self.corners)
-
-    def parts(self, radius: float) -> tuple[Points, ...]:
-        """Return the one polygon."""
-        return (self.outline(radius),)
 
 
 @dataclass(frozen=True)
@@ -285,23 +259,18 @@ def check_convex(corners: tuple[Pair, ...], what: str) -> None:
         )
 
 
-def _check_size(corners: tuple[Pair, ...], allowed: Pair, what: str) -> None:
-    """Raise `ConfigError` where the farthest corner is at no distance that can be meant."""
-    farthest = max((float(np.hypot(x, y)) for x, y in corners), default=allowed[0])
-    if np.isfinite(farthest) and not allowed[0] <= farthest <= allowed[1]:
-        raise ConfigError(
-            f"{what} has its farthest corner at {farthest:.3g}; allowed: {allowed[0]:g} to"
-            f" {allowed[1]:g}"
-        )
-
-
 def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
     """Raise `ConfigError` unless each part of a shape is a convex polygon."""
     if not 1 <= len(polygons) <= MOST_PARTS:
         raise ConfigError(f"shape {name!r} has {len(polygons)} parts; allowed: 1 to {MOST_PARTS}")
     for number, corners in enumerate(polygons):
-        _check_size(corners, SCALES, f"part {number} of shape {name!r}")
-        check_convex(corners, f"part {number} of shape {name!r}")
+        what = f"part {number} of shape {name!r}"
+        check_convex(corners, what)
+        farthest, (low, high) = float(np.hypot(*np.array(corners).T).max()), SCALES
+        if not low <= farthest <= high:
+            raise ConfigError(
+                f"{what} has its farthest corner at {farthest:.3g}; allowed: {low:g} to {high:g}"
+            )
 
 
 def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
@@ -341,10 +310,20 @@ def _sides(points: Points) -> tuple[Points, Points]:
     return points, np.roll(points, -1, axis=0)
 
 
-class Cube(Polygon):
-    """An upright square block."""
+@dataclass(frozen=True)
+class Cube(Prism):
+    """An upright square block, about the disk of its radius."""
 
     solid: ClassVar = Solid.BOX
+    feet = REGULAR_FEET
+
+    def outline(self, radius: float) -> Points:
+        """Return the corners (4, 2) [m], counter-clockwise."""
+        return radius * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
+
+    def parts(self, radius: float) -> tuple[Points, ...]:
+        """Return the one square."""
+        return (self.outline(radius),)
 
 
-CUBE: Final = Cube("cube", corners=((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)))
+CUBE: Final = Cube("cube")
