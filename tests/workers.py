@@ -40,7 +40,8 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "sain_live/test_whole_graph", "sain_live/test_view",
     "sain_live/ros/test_page_node", "training/test_fine_tuning", "training/test_any_bodies",
     "sain_gym/test_examples", "collecting/test_collect_on_ray", "collecting/test_workers",
-    "compute/test_kernel_store", "formats/test_examples", "loop/test_noisy_episodes",
+    "compute/test_kernel_store", "formats/test_examples", "test_a_noisy_episode_reaches",
+    "test_bodies_of_unknown_mass",
     "sain_arm/test_robot_mutations", "training/test_identified", "evaluation/test_named_models",
     # processes that are killed, stopped or hang
     "test_program.py::test_pip_install", "test_program.py::test_make_dist",
