@@ -21,7 +21,6 @@ from sain_core.types import Scene
 from sain_lab.judging.judge import Judge
 from sain_lab.physics import Believer, BodyBeliever
 from sain_lab.storage import log
-from sain_lab.storage.laboratory import service_of
 from sain_lab.storage.results import Result, history_of
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES
@@ -91,11 +90,9 @@ class State:
     def _take_event(self, kind: str, record: Mapping[str, Any], about: Mapping[str, Any]) -> None:
         match kind:
             case log.TRAINING:
-                pushes = record["pushes"]
-                service = about.get("model", service_of(pushes))
-                self.training = Job(about.get("since", self.since), pushes, service)
-                self.trained_at, self.unseen = pushes, []
-                self.networks.add(service)
+                self.training = Job(about["since"], record["pushes"], about["model"])
+                self.trained_at, self.unseen = record["pushes"], []
+                self.networks.add(about["model"])
             case log.TRAINED | log.FAILED:
                 self.training, self.unseen = None, []
                 self.networks |= {about["model"]} if kind == log.TRAINED else set()
@@ -105,7 +102,7 @@ class State:
                 self._begin_anew(about["keep"], about["anchor"])
             case log.NOT_PREDICTED | log.NOT_REMOVED:
                 self.problems.add(record["text"])
-            case log.NOT_LEARNED if "id" in about:
+            case log.NOT_LEARNED:
                 self.seen[about["id"]] = f"it was left out before: {record['text']}"
                 if "after" in about:
                     self._note(about["episode"], np.array(about["after"], np.float64))

@@ -105,7 +105,7 @@ class Judge:
         if kind in (TRAINING, FAILED):
             self._trains, self._unseen = kind == TRAINING, []
         elif kind == TRAINED:
-            self._begin_candidate(about["model"], about.get("unseen", ()))
+            self._begin_candidate(about["model"], about["unseen"])
         elif kind == LEFT_OUT and about["model"] == self.candidate:
             self.candidate = ""
         elif kind in (LOADED, DROPPED, CHANGED):

@@ -308,8 +308,9 @@ ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events,
 RECORDS: Final = ("push", "belief", "event", "end")
 NEEDED: Final = {  # by kinds of records and of events
     "push": ("errors", "turns"), "belief": ("pushes", "parameters"),
-    log.LOADED: ("service",), log.DROPPED: ("service",), log.TRAINED: ("model",),
-    log.LEFT_OUT: ("model",), log.CHANGED: ("service", "keep", "anchor"),
+    log.LOADED: ("service",), log.DROPPED: ("service",), log.TRAINED: ("model", "unseen"),
+    log.TRAINING: ("model", "since"), log.LEFT_OUT: ("model",), log.NOT_LEARNED: ("id",),
+    log.CHANGED: ("service", "keep", "anchor"),
 }  # fmt: skip
 
 

@@ -18,7 +18,6 @@ from sain_core.shapes.body_file import BodyFile
 from sain_vision.detection.sighting import Sighting
 from sain_vision.scene.body_track import Observed
 
-MOST: Final = 256  # detections in a message
 PLANAR: Final = np.array([0, 1, 5])  # x, y and the turn about z, of the six in a covariance
 FIXED: Final = 1e-6  # variance [m^2], [rad^2] of what the table fixes
 
@@ -55,8 +54,6 @@ def decode_detections(message: Any, bodies: BodyFile, frame: str) -> dict[int, O
         raise InvalidInputError(
             f"the detections are in frame {message.header.frame_id!r}; they must be in {frame!r}"
         )
-    if len(message.detections) > MOST:
-        raise InvalidInputError(f"{len(message.detections)} detections came; at most {MOST} may")
     seen: dict[int, Observed] = {}
     for one in message.detections:
         if one.id not in bodies.names or not one.results:
