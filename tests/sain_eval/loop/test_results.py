@@ -8,7 +8,7 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from sain_core.errors import ConfigError, OutputError
+from sain_core.errors import OutputError
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
 from sain_eval.loop.closed_loop import EpisodeOutcome
@@ -150,23 +150,6 @@ def test_a_person_finds_all_of_the_table_in_its_pages(records, tmp_path):
     shown = printed.getvalue()
     assert "played without `null`" in shown and "rearrange_4 1 (t), planar" in shown
     assert shown.index("rearrange_4 1") < shown.index("blocked 0 (t), straight")
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"scenario": "somewhere"}, "scenario 'somewhere' is unknown; known: anywhere,"),
-        ({"tolerances": "0"}, "--tolerances has 0.0 m; allowed"),
-        ({"tolerances": "near"}, "allowed: numbers with commas, or pairs as 0.02:0.1"),
-        ({"tolerances": "0.02:-1"}, "--tolerances has -1.0 rad; allowed: above 0, at most 5.0 rad"),
-        ({"controllers": ","}, "controllers is empty"),
-        ({"models": "runs/mine"}, "--models is 'runs/mine' without --table; give"),
-        ({"scenes": 0}, r"EvaluateOptions\.scenes is 0; it must be at least 1"),
-    ],
-)
-def test_bad_options_are_named(tmp_path, changes, message):
-    with pytest.raises(ConfigError, match=message):
-        _ = EvaluateOptions(out=tmp_path, **changes).parts
 
 
 POSE_RECORD = SceneRecord(

@@ -4,48 +4,35 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, ErrorCode
-from sain_core.push import LENGTH, PushLimits
 from sain_core.ros import codec
 from sain_core.ros.qos import LATCHED, QUEUE
-from sain_core.scene import make_scene
 from sain_core.wire.learning import decode_learning
 from sain_interfaces.msg import Learning, PushResult
 from sain_lab.ros.learner_node import LearnerNode
 from sain_lab.storage.laboratory import Laboratory, OpenLaboratory
 from sain_model.physics.parameters import TEXTBOOK
-from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
-from tests.sain_lab.table import plant
-
-SCENE = make_scene(
-    np.array([(0.42, 0.0), (0.56, 0.02)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
-)
-TRUTH = PlanarPrior(TEXTBOOK)
+from tests.sain_lab.table import SmallTable, plant
 
 
 def results(count, episode=1, seed=0):
     """Return results of pushes that were made one after the other."""
-    pushes = PushLimits().sample(np.random.default_rng(seed), count)
-    pushes[:, LENGTH] = 0.03 + pushes[:, LENGTH] / 3
-    scene, found = SCENE, []
-    for number, push in enumerate(pushes):
-        after = TRUTH.step(scene[None], push[None])[0]
-        found.append(result(push, after, episode, number + 1, scene))
-        scene = after
+    table, stamp = SmallTable(seed, TEXTBOOK, 0.0, count), codec.encode_time(0)
+    found = []
+    for number in range(1, count + 1):
+        made, ids = table.push(), {"episode_id": episode, "scene_id": number}
+        before, after = (
+            codec.encode_scene(scene, stamp=stamp, settled=True, **ids)
+            for scene in (made.before, made.after)
+        )
+        push = codec.encode_push(made.push, stamp=stamp, push_id=number, source="test", **ids)
+        found.append(
+            PushResult(
+                push_id=number, episode_id=episode, error_code=ErrorCode.OK, push=push,
+                before=before, after=after,
+            )
+        )  # fmt: skip
     return found
-
-
-def result(push, after, episode, number, before):
-    stamp = codec.encode_time(0)
-    ids = {"episode_id": episode, "scene_id": number}
-    return PushResult(
-        push_id=number,
-        episode_id=episode,
-        error_code=ErrorCode.OK,
-        push=codec.encode_push(push, stamp=stamp, push_id=number, source="test", **ids),
-        before=codec.encode_scene(before, stamp=stamp, settled=True, **ids),
-        after=codec.encode_scene(after, stamp=stamp, settled=True, **ids),
-    )
 
 
 @pytest.fixture
