@@ -25,16 +25,7 @@ from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
 from sain_lab.storage.results import Result, history_of
-from sain_model.dynamics.identify import ENOUGH as PUSHES_OF_BODY
-from sain_model.dynamics.identify import (
-    LEAST_SPREAD,
-    MOST_ODDS,
-    STEPS,
-    fit_laboratory,
-    identified,
-    of_another_body,
-    on_surfaces,
-)
+from sain_model.dynamics import identify
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.inference.gauss_newton import Fit, fit
@@ -91,8 +82,8 @@ class _Fitted:
 
     def update(self, parts: list[ObservedPushes], episodes: list[str]) -> None:
         """Fit it anew, from where it is."""
-        steps = STEPS if self.fit is None else AGAIN
-        self.fit = fit_laboratory(self.kind, parts, self._start(episodes), steps)
+        steps = identify.STEPS if self.fit is None else AGAIN
+        self.fit = identify.fit_laboratory(self.kind, parts, self._start(episodes), steps)
         self.episodes = tuple(episodes)
 
     def _start(self, episodes: list[str]) -> np.ndarray | None:
@@ -172,10 +163,10 @@ class Believer:
         best = max(self._kinds, key=lambda one: one.evidence)
         self.jumped = 0.0
         fits = [self._of_now(one) for one in fits]
-        found = identified(fits, -MOST_ODDS, {"laboratory": parts})
+        found = identify.identified(fits, -identify.MOST_ODDS, {"laboratory": parts})
         kinds = [
             # a kind that was not fitted just now is compared by what it was
-            replace(kind, log_odds=0.0 if one is best else -MOST_ODDS)
+            replace(kind, log_odds=0.0 if one is best else -identify.MOST_ODDS)
             for kind, one in zip(found.kinds, self._kinds, strict=True)
         ]
         self._best = next(kind for kind in kinds if kind.log_odds == 0.0)
@@ -183,8 +174,8 @@ class Believer:
         trained = self._base.belief.trained
         settled = [kind.settled() for kind in kinds]
         if not any(kind.corrected for kind in settled):
-            settled.append(replace(trained, log_odds=-MOST_ODDS))
-        self.belief = Belief(tuple(settled), -MOST_ODDS, {"pushes": len(self.window)})
+            settled.append(replace(trained, log_odds=-identify.MOST_ODDS))
+        self.belief = Belief(tuple(settled), -identify.MOST_ODDS, {"pushes": len(self.window)})
 
     def _of_now(self, found: Fit) -> Fit:
         """Return a fit where what episodes have of their own is as it is since it has jumped."""
@@ -206,7 +197,7 @@ class Believer:
         kind = replace(self._best, covariance=WIDE**2 * np.eye(len(self._best.names)))
         parts, episodes = observed(latest)
         start = np.zeros((len(episodes), len(kind.names)))
-        found = fit_laboratory(kind, parts, start, LATEST)
+        found = identify.fit_laboratory(kind, parts, start, LATEST)
         place = found.places.mean(axis=0)
         place[kind.of_episode] = found.places[-1][kind.of_episode]
         moved = replace(kind, prior=kind.at(place), covariance=np.eye(len(kind.names)))
@@ -228,7 +219,7 @@ def latest_run(values: Float[ndarray, "C"]) -> int:
 
     Two means with one scatter have to explain the values far better than one (Schwarz 1978).
     """
-    count, floor = len(values), len(values) * LEAST_SPREAD**2
+    count, floor = len(values), len(values) * identify.LEAST_SPREAD**2
     best, first = JUMPS + 2.0 * np.log(max(count, 1)), 0
     for split in range(FEW, count - 1):
         parts = values[:split], values[split:]
@@ -276,7 +267,7 @@ BODY_GROWTH: Final = 0.05  # share of new pushes after which a body is fitted ag
 class _Body:
     """A body on a surface: its latest pushes, and the vector z that explains them."""
 
-    pushes: deque[Result] = field(default_factory=lambda: deque(maxlen=PUSHES_OF_BODY))
+    pushes: deque[Result] = field(default_factory=lambda: deque(maxlen=identify.ENOUGH))
     place: Float[ndarray, "D"] | None = None
     covariance: Float[ndarray, "D D"] | None = None
     new: int = 0  # pushes that it was not fitted to
@@ -325,7 +316,7 @@ class BodyBeliever:
         if not others:
             return self._kind, np.zeros(len(self._kind.names))
         places = np.stack(others)
-        return of_another_body(self._kind, places), places.mean(axis=0)
+        return identify.of_another_body(self._kind, places), places.mean(axis=0)
 
     def kind(self, name: str) -> Kind:
         """Return what is believed of a body, known or not."""
@@ -352,4 +343,4 @@ class BodyBeliever:
 
 def body_name(result: Result) -> str:
     """Return the name of the body of a push on its surface."""
-    return str(on_surfaces(np.array([result.object]), np.array([result.surface]))[0])
+    return str(identify.on_surfaces(np.array([result.object]), np.array([result.surface]))[0])
