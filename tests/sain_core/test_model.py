@@ -38,14 +38,6 @@ def test_a_rollout_feeds_predictions_back():
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
 
 
-def test_the_identity_prior_moves_nothing_and_gives_a_copy():
-    scenes = np.ones((3, 2, 8))
-    after = IdentityPrior().step(scenes, np.ones((3, PUSH_SIZE)))
-    np.testing.assert_array_equal(after, scenes)
-    after += 1
-    assert (scenes == 1).all()
-
-
 def test_step_alone_gives_a_model():
     model = Shift()
     scene, pushes = np.zeros((2, 8)), np.ones((3, 2, PUSH_SIZE))

@@ -133,11 +133,7 @@ def two_disks() -> Setting:
 
 
 def check_world(world: AnyWorld[Start], start: Start, push: PushArray) -> Scene:
-    """Check that a world keeps the contract, by a push that it can execute; return where it led.
-
-    Raises:
-        WorldFailedError: what it does not keep.
-    """
+    """Check that a world keeps the contract, by a push that it can execute; return where it led."""
     first = _observed(world, world.reset(start))
     if isinstance(start, Setting) and not np.allclose(first, start.scene, rtol=0.0, atol=AS_PUT):
         raise WorldFailedError("the first scene is not the one of the setting")

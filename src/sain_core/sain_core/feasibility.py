@@ -300,9 +300,8 @@ class Feasibility(Config):
     ) -> None:
         """Check the way of the tool from a start (2,) [m] in a direction (2,), for one push.
 
-        Raises:
-            UnreachableError: it leaves the reach.
-            BlockedError: a body of the scene (N, 8) is in it.
+        Raises `UnreachableError`: it leaves the reach; `BlockedError`: a body of the scene (N, 8)
+        is in it.
         """
         reach = self.reach
         if not reach.covers(start, way, push[LENGTH]):
@@ -367,11 +366,7 @@ def checked_stroke(
     """Return the tool's way for a push that can be carried out in a scene (N, 8).
 
     Where the push was planned from a scene as `seen`, the way follows from that, and starts further
-    back by `RETREAT`.
-
-    Raises:
-        SainError: as `PushLimits.check` and `Feasibility.check_way`; a body has left the table, or
-            the bodies still move.
+    back by `RETREAT`. Raises `SainError`, also where bodies are off the table or still move.
     """
     limits = feasibility.limits
     limits.check(push, bodies)

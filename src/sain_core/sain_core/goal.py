@@ -104,8 +104,11 @@ class Goal:
 
     def within(self, tolerance: float, heading_tolerance: float) -> Self:
         """Return the goal with other tolerances [m] and [rad] of all poses."""
-        made = {"tolerance": tolerance, "heading_tolerance": heading_tolerance}
-        return replace(self, poses=tuple(replace(pose, **made) for pose in self.poses))
+        poses = (
+            replace(pose, tolerance=tolerance, heading_tolerance=heading_tolerance)
+            for pose in self.poses
+        )
+        return replace(self, poses=tuple(poses))
 
     def fitted(self, count: int) -> Self:
         """Return the goal in a scene of so many bodies: a single one stands for the target."""

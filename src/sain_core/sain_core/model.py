@@ -91,11 +91,7 @@ class Model(ABC):
         return None
 
     def with_bodies(self, bodies: Bodies) -> Self:
-        """Return the model for these bodies; by default itself, for disks and for cubes.
-
-        Raises:
-            ConfigError: it cannot predict such bodies.
-        """
+        """Return the model for these bodies; by default itself for disks, else a `ConfigError`."""
         if bodies.stand_in_for_disks:
             return self
         names = ", ".join(shape.name for shape in bodies.shapes)
@@ -116,8 +112,8 @@ class Model(ABC):
     def with_belief(self, path: Path) -> Self:
         """Return the model that begins each episode with a belief of ``sain_model identify``.
 
-        Raises `CheckpointError`: no such file, or not a belief; `ConfigError`: it takes none like
-        this.
+        Raises `CheckpointError`: the file is missing or no belief; `ConfigError`: it takes none
+        like this.
         """
         raise ConfigError(
             f"{type(self).__name__} takes no belief; 'sain' does, and checkpoints on planar priors"

@@ -216,10 +216,9 @@ def _claim(path: Path, overwrite: bool = False) -> None:
     if overwrite:
         _ours[path.absolute()] = GROWS
     elif not is_ours(path):
-        changed = bool(_signatures(path))
-        reason = (
-            "was changed since SAIN wrote it" if changed else "exists, and no list of SAIN names it"
-        )
+        reason = "exists, and no list of SAIN names it"
+        if _signatures(path):
+            reason = "was changed since SAIN wrote it"
         raise OutputError(f"{path} {reason}; --overwrite replaces it, or choose another --out")
 
 

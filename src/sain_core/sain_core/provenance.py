@@ -78,16 +78,12 @@ def processor() -> str:
 def _git(*arguments: str) -> str | None:
     folder = str(Path(__file__).resolve().parent)
     try:
-        done = subprocess.run(
-            ["git", "-C", folder, *arguments],
-            capture_output=True,
-            text=True,
-            timeout=5.0,
-            check=True,
-        )
+        command = ["git", "-C", folder, *arguments]
+        return subprocess.check_output(
+            command, text=True, timeout=5.0, stderr=subprocess.DEVNULL
+        ).strip()
     except (OSError, subprocess.SubprocessError):
         return None
-    return done.stdout.strip()
 
 
 def _version(package: str) -> str:

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 
 
 def read_options(kind: type, program: str, arguments: list[str], prefixes: bool = False) -> Any:
-    """Return a dataclass of options as the arguments, without those for ROS, ask for.
+    """Return a dataclass of options as the arguments ask for, without those for ROS.
 
-    Raises:
-        ConfigError: an argument that is unknown, missing or not allowed.
-        SystemExit: after help.
+    Raises `ConfigError`: an argument that is unknown, missing or not allowed; `SystemExit` after
+    help.
     """
     import tyro
 

@@ -121,9 +121,9 @@ class _Loader(LOADER):
         for key_node, _ in node.value:
             key = self.construct_object(key_node, deep=True)
             if key in seen:
-                line = key_node.start_mark.line + 1
+                where = f"line {key_node.start_mark.line + 1}"
                 raise UntrustedFileError(
-                    f"line {line}: the key {shown(key)} is given twice; remove one"
+                    f"{where}: the key {shown(key)} is given twice; remove one"
                 )
             seen.add(key)
         raise UntrustedFileError("it has a merge key (<<); it is not read")
@@ -191,10 +191,8 @@ def parse_yaml(text: str) -> Any:
     except UntrustedFileError:
         raise
     except yaml.MarkedYAMLError as error:
-        mark, problem = (
-            error.problem_mark or error.context_mark,
-            str(error.problem or error.context),
-        )
+        mark = error.problem_mark or error.context_mark
+        problem = str(error.problem or error.context)
         if problem.startswith("but "):
             problem = f"{error.context} {problem}"
         line = "" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}: "
@@ -213,15 +211,11 @@ def _check_events(text: str) -> None:
     for count, event in enumerate(yaml.parse(text, LOADER), 1):
         limit("values", count, YAML_EVENTS)
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            line = _line_of(event)
-            raise UntrustedFileError(
-                f"it has an anchor or an alias in line {line}; neither is read"
-            )
+            where = f"in line {_line_of(event)}"
+            raise UntrustedFileError(f"it has an anchor or an alias {where}; neither is read")
         if (tag := getattr(event, "tag", None)) not in (None, "!", OPENCV[1]):
-            line = _line_of(event)
-            raise UntrustedFileError(
-                f"it has the tag {shown(tag)} in line {line}; tags are not read"
-            )
+            where = f"in line {_line_of(event)}"
+            raise UntrustedFileError(f"it has the tag {shown(tag)} {where}; tags are not read")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
             if depth > DEPTH:

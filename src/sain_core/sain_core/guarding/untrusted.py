@@ -255,9 +255,6 @@ def private_folder() -> Path:
     """Return a folder of this user on this computer, the same in all his processes.
 
     Nobody else can put anything there, whatever the environment and the temporary folder hold.
-
-    Raises:
-        OutputError: there is none, and none can be made.
     """
     user = os.getuid()
     own = Path.home() / ".cache" / "sain" / "own"

@@ -96,11 +96,7 @@ class PushDriver:
         return None if self._door.seen is None else self._door.seen.disks
 
     def check_stroke(self) -> None:
-        """Check that the bodies are seen where they were when the push that is under way came.
-
-        Raises:
-            StaleSceneError: they are not, or no good scene is current.
-        """
+        """Raise `StaleSceneError` where bodies are not seen where they were when the push came."""
         take_waiting(self._scenes)
         if self._before is not None:
             self._door.check_stroke(self._before, monotonic(), self._now())

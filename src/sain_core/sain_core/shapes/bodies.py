@@ -39,6 +39,15 @@ class Role(StrEnum):
     FIXED = "fixed"  # nothing
 
 
+def as_roles(names: Sequence[str]) -> tuple[Role, ...]:
+    """Return roles by their names, or raise `ConfigError`."""
+    for body, role in enumerate(names):
+        if role not in list(Role):
+            hint = f"{did_you_mean(role, Role)}; allowed: {', '.join(Role)}"
+            raise ConfigError(f"role of body {body} is {role!r}{hint}")
+    return tuple(map(Role, names))
+
+
 @dataclass(frozen=True)
 class Bodies:
     """Shape and role of each body of a scene; raises `ConfigError` where they cannot be.
@@ -72,14 +81,8 @@ class Bodies:
     @classmethod
     def named(cls, shapes: Sequence[str], roles: Sequence[str] = ()) -> Self:
         """Return the bodies with shapes and roles of these names, or raise `ConfigError`."""
-        allowed = ", ".join(Role)
-        for body, role in enumerate(roles):
-            if role not in list(Role):
-                raise ConfigError(
-                    f"role of body {body} is {role!r}{did_you_mean(role, Role)}; allowed: {allowed}"
-                )
-        built = tuple(get_shape(name, body) for body, name in enumerate(shapes))
-        return cls(built, tuple(map(Role, roles)))
+        named = as_roles(roles)
+        return cls(tuple(get_shape(name, body) for body, name in enumerate(shapes)), named)
 
     def on(self, bottom: str) -> Self:
         """Return the same bodies on feet or on flat bottoms."""
@@ -151,7 +154,7 @@ def check_bodies(
 ) -> Scene:
     """Return a scene (N, 8) when it can exist and consist of these bodies.
 
-    Raises `InvalidInputError`, also for two whose outlines overlap by more than `most` [m];
+    Raises `InvalidInputError`, also for outlines that overlap by more than `most` [m];
     `OffTableError`.
     """
     check_states(scene, table)

@@ -75,20 +75,11 @@ def bodies_in(
     bodies = bodies.fitted(len(scene))
     names, colours = names_of(bodies), colours_of(bodies, goal)
     headed = {pose.body for pose in goal.poses if pose.heading is not None} if goal else set()
-    return [
-        DrawnBody(
-            body,
-            names[body],
-            bodies.shapes[body],
-            scene[body],
-            colours[body],
-            look,
-            body in bodies.fixed,
-            body in headed,
-            share,
-        )
-        for body in (range(len(scene)) if only is None else only)
-    ]
+    drawn = []
+    for body in range(len(scene)) if only is None else only:
+        what = body, names[body], bodies.shapes[body], scene[body], colours[body], look
+        drawn.append(DrawnBody(*what, body in bodies.fixed, body in headed, share))
+    return drawn
 
 
 def goal_marks(goal: Goal | None, scene: Scene, bodies: Bodies) -> list[GoalMark]:

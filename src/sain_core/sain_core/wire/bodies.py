@@ -13,14 +13,13 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
-from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
     LONGEST_NAME,
     MOST_BODIES,
     MOST_RADIUS,
 )
-from sain_core.shapes.bodies import Bodies, Role
+from sain_core.shapes.bodies import Bodies, as_roles
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
 from sain_core.shapes.solids import DISK, Compound
@@ -42,15 +41,8 @@ def decode_bodies(message: Any) -> Bodies:
     count = len(message.bodies)
     if not 1 <= count <= MOST_BODIES:
         raise InvalidInputError(f"the message has {count} bodies; allowed: 1 to {MOST_BODIES}")
-    shapes = [_shape(number, body) for number, body in enumerate(message.bodies)]
-    roles = [body.role for body in message.bodies]
-    for number, role in enumerate(roles):
-        if role not in list(Role):
-            raise ConfigError(
-                f"role of body {number} is {role!r}{did_you_mean(role, Role)};"
-                f" allowed: {', '.join(Role)}"
-            )
-    return Bodies(tuple(shapes), tuple(map(Role, roles)))
+    shapes = tuple(_shape(number, body) for number, body in enumerate(message.bodies))
+    return Bodies(shapes, as_roles([body.role for body in message.bodies]))
 
 
 def decode_request_bodies(request: Any) -> Bodies:

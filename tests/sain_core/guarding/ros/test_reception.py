@@ -43,13 +43,6 @@ def test_an_error_of_a_service_is_its_reply(graph, node, error, code, text, defe
     assert reception.figures == {"received_load_model": 2, "defects": 2 * defects}
 
 
-def test_a_request_that_is_too_large_does_not_reach_the_callback(graph, node):
-    Reception(node).serve(LoadModel, "load_model", fail(AssertionError("it was called")))
-    reply = graph.call(LoadModel, "load_model", LoadModel.Request(model=LONG))
-    assert ErrorCode(reply.error_code) is ErrorCode.INVALID
-    assert "bytes; at most 1048576 are accepted" in reply.error_message
-
-
 def test_a_message_that_fails_is_refused_with_the_error(graph, node):
     reception, refused = Reception(node), []
     error = ZeroDivisionError("by 0")

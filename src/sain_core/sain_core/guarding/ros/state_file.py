@@ -42,7 +42,7 @@ class StateFile:
         return str(self._path or "nothing")
 
     def read(self) -> dict[str, Any]:
-        """Return what was written last; nothing where there is none.
+        """Return what was written last, if anything.
 
         Raises `DatasetError`: it is not such a file; `OutputError`: it is a link, a device or a
         folder.
