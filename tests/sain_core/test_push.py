@@ -6,13 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.push import (
-    LENGTH,
-    PushLimits,
-    make_push,
-    mirror_pushes,
-    push_direction,
-)
+from sain_core.push import LENGTH, PushLimits, make_push, mirror_pushes, push_direction
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, unit
 from tests.strokes import rotate_pushes, rotate_scenes, tool_end, tool_start
 

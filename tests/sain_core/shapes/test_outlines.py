@@ -16,13 +16,7 @@ from sain_core.shapes.library import (
     register_outlines,
     shape_names,
 )
-from sain_core.shapes.outlines import (
-    FINEST,
-    OUTLINES_FILE,
-    Traced,
-    trace,
-    write_outlines,
-)
+from sain_core.shapes.outlines import FINEST, OUTLINES_FILE, Traced, trace, write_outlines
 from sain_core.shapes.solids import centroid
 
 

@@ -23,14 +23,7 @@ from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
 from sain_core.scene import STATE_NAMES, STATE_SIZE, THETA
 from sain_core.shapes.body_file import MOST_MASS
 from sain_core.transitions import PushHistory
-from sain_core.types import (
-    PredictedScenes,
-    PushArray,
-    Pushes,
-    PushSequences,
-    Scene,
-    Scenes,
-)
+from sain_core.types import PredictedScenes, PushArray, Pushes, PushSequences, Scene, Scenes
 
 MIN_DISKS = 1
 UNIT: Final = 0.01  # by which the length of a quaternion may be off

@@ -13,12 +13,7 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
-from sain_core.guarding.untrusted import (
-    LEAST_RADIUS,
-    LONGEST_NAME,
-    MOST_BODIES,
-    MOST_RADIUS,
-)
+from sain_core.guarding.untrusted import LEAST_RADIUS, LONGEST_NAME, MOST_BODIES, MOST_RADIUS
 from sain_core.shapes.bodies import Bodies, as_roles
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
