@@ -153,11 +153,7 @@ class ReachTable(Reach):
 
 
 def reachable(
-    scenes: Scenes,
-    pushes: Pushes,
-    limits: PushLimits,
-    reach: Reach,
-    bodies: Bodies = PAPER_DISKS,
+    scenes: Scenes, pushes: Pushes, limits: PushLimits, reach: Reach, bodies: Bodies = PAPER_DISKS
 ) -> Mask:
     """Tell for which pushes the tool's whole way lies in reach."""
     start, heading = strokes(scenes, pushes, limits, bodies)
@@ -165,12 +161,7 @@ def reachable(
 
 
 def gap_on_way(
-    start: Points,
-    way: Points,
-    scenes: Scenes,
-    pushes: Pushes,
-    limits: PushLimits,
-    bodies: Bodies,
+    start: Points, way: Points, scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies
 ) -> Scalars:
     """Return the smallest gap [m] between the tool on its way and any body but the pushed one.
 

@@ -39,9 +39,7 @@ class Interval(NamedTuple):
 
 
 def bootstrap_mean(
-    values: Scalars,
-    random: np.random.Generator,
-    groups: Shaped[ndarray, "M"] | None = None,
+    values: Scalars, random: np.random.Generator, groups: Shaped[ndarray, "M"] | None = None
 ) -> Interval:
     """Return a mean with its 95 % interval; see `bootstrap_ratio`."""
     return bootstrap_ratio(values, np.ones(len(values)), random, groups)

@@ -62,10 +62,7 @@ def wrap_angle(angle: Angles) -> Angles:
 
 
 def make_scene(
-    positions: Points,
-    masses: Scalars,
-    radii: Scalars,
-    headings: Angles | None = None,
+    positions: Points, masses: Scalars, radii: Scalars, headings: Angles | None = None
 ) -> Scene:
     """Build a scene (N, 8) at rest from positions (N, 2), masses (N,) and radii (N,)."""
     scene = np.zeros((len(positions), STATE_SIZE))

@@ -99,12 +99,7 @@ class TopPicture:
         draw.polygon(self._pixels(head), fill=hue(push))
 
     def _circle(
-        self,
-        draw: ImageDraw.ImageDraw,
-        place: Place,
-        radius: float,
-        fill: str | None,
-        outline: str,
+        self, draw: ImageDraw.ImageDraw, place: Place, radius: float, fill: str | None, outline: str
     ) -> None:
         ((x, y),) = self._pixels(place[None])
         size = radius * self._scale
