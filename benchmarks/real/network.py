@@ -200,7 +200,7 @@ class OfKnownAndNew:
         for past in own.dataset.parts:
             history = PushHistory(past.state, past.action, past.next_state)
             conditioned = conditioned.condition(history)
-        rows = conditioned.now.repeated(len(part))
+        rows = conditioned.now.of_rows(np.zeros(len(part), np.int64))
         prediction = conditioned.predict_rows(part.state, part.action, rows)
         factors = np.repeat(conditioned.widening[:, None], len(part), axis=1)
         return _stated(prediction, part, regions, factors)

@@ -21,7 +21,7 @@ from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import Indices, PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
 from sain_model.inference.evidence import (
@@ -62,9 +62,8 @@ class Inferred:
     posterior: Posterior
     corrected: Bool[ndarray, "R"]
 
-    def repeated(self, count: int) -> "Inferred":
-        """Return the only row so many times."""
-        rows = np.zeros(count, np.int64)
+    def of_rows(self, rows: Indices) -> "Inferred":
+        """Return some rows, any of them as often as its number is given."""
         return Inferred(self.posterior.of_rows(rows), self.corrected[rows])
 
 
@@ -85,9 +84,14 @@ class SainDynamics(Model):
         return f"model {self.origin.prior_name!r}"
 
     @property
+    def infers(self) -> bool:
+        """Whether it infers anything from earlier pushes."""
+        return bool(self.belief.likeliest.names)
+
+    @property
     def takes_belief(self) -> bool:
         """Whether `with_belief` applies."""
-        return self.network is not None and bool(self.belief.likeliest.names)
+        return self.network is not None and self.infers
 
     @cached_property
     def now(self) -> Inferred:
@@ -128,7 +132,7 @@ class SainDynamics(Model):
         They show the kind of physics and those of its parameters that the belief names, and
         whether the network's correction holds.
         """
-        if len(history) == 0 or not self.belief.likeliest.names:
+        if len(history) == 0 or not self.infers:
             return self
         return replace(self, history=history, inferred=self._inferred_from(history))
 
@@ -221,7 +225,9 @@ class SainDynamics(Model):
 
     def predict(self, scenes: Scenes, pushes: Pushes) -> Prediction:
         """Predict as `step` does, and say how certain that is: two to six times the work."""
-        prediction = self.predict_rows(scenes, pushes, self.now.repeated(len(pushes)))
+        prediction = self.predict_rows(
+            scenes, pushes, self.now.of_rows(np.zeros(len(pushes), np.int64))
+        )
         if prediction.radius is None or (self.widening == 1.0).all():
             return prediction
         return prediction.widened(np.repeat(self.widening[:, None], len(pushes), axis=1))
@@ -237,8 +243,7 @@ class SainDynamics(Model):
             return np.ones(2)
         count, number = _earlier(len(past))
         rows = self.infer(self.observed(past), Known.first(len(past), count))
-        each = Inferred(rows.posterior.of_rows(number), rows.corrected[number])
-        predicted = self.predict_rows(past.state, past.action, each)
+        predicted = self.predict_rows(past.state, past.action, rows.of_rows(number))
         total = intervals.excess(predicted, past).sum(axis=1, keepdims=True)
         return intervals.widening(total, np.array([len(past)]))[:, 0]
 

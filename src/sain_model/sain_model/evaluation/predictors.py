@@ -123,7 +123,7 @@ def _predict_part(
         predictors[name] = plain(model)
         if not isinstance(model, SainDynamics):
             continue
-        if not infers(model):
+        if not model.infers:
             if given is first:
                 predictors[PRIOR] = plain(model.physics)
             prediction = model.predict(part.state, part.action)
@@ -201,11 +201,6 @@ def _with_friction(model: SainDynamics | PlanarPrior, friction: Scalars) -> Pred
 # --- history --------------------------------------------------------------------------------------
 
 
-def infers(model: SainDynamics) -> bool:
-    """Return whether a model infers anything from earlier pushes."""
-    return bool(model.belief.likeliest.names)
-
-
 @dataclass(frozen=True, eq=False)
 class Informed:
     """A model that makes use of the earlier pushes of each push's own episode, as in deployment."""
@@ -226,8 +221,7 @@ class Informed:
 
     def step(self, scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:
         """Predict pushes as the model does before the pushes of these rows."""
-        some = Inferred(self.rows.posterior.of_rows(chosen), self.rows.corrected[chosen])
-        return self.model.step_rows(scenes, pushes, some)[1]
+        return self.model.step_rows(scenes, pushes, self.rows.of_rows(chosen))[1]
 
     def predict(self) -> Prediction:
         """Return predictions of the data itself, and how certain they are."""
@@ -239,7 +233,7 @@ class Informed:
 def step_with_history(model: SainDynamics, part: Part) -> Scenes:
     """Return predictions (M, N, 8) as in deployment: with what the episode's earlier pushes say."""
     shaped = model.with_bodies(part.bodies)
-    if not infers(shaped):
+    if not shaped.infers:
         return shaped.step(part.state, part.action)
     return Informed.make(shaped, part).step(part.state, part.action, np.arange(len(part)))
 
@@ -247,7 +241,7 @@ def step_with_history(model: SainDynamics, part: Part) -> Scenes:
 def predict_with_history(model: SainDynamics, part: Part) -> Prediction:
     """Return predictions as `step_with_history`, and how certain they are."""
     shaped = model.with_bodies(part.bodies)
-    if not infers(shaped):
+    if not shaped.infers:
         return shaped.predict(part.state, part.action)
     return Informed.make(shaped, part).predict()
 

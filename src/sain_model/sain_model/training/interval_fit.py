@@ -123,7 +123,7 @@ def _scored(
 def fit_disk(parts: Float[ndarray, "3 M"], off: Scalars, long: Scalars, level: float) -> Region:
     """Fit one disk's radius to distances (M,) [m] of bodies with elongations (M,)."""
     region = _fit_score(parts, off, long, level)
-    scores, factors = _factors(region.score(*parts, long), off, level)
+    scores, factors = _factors(region.score(parts[0], parts[1], parts[2], long), off, level)
     return replace(region, scores=scores, factors=factors)
 
 
@@ -150,7 +150,8 @@ def _fit_score(parts: Float[ndarray, "3 M"], off: Scalars, long: Scalars, level:
     lowest = min(found, key=lambda result: result.fun).x
     best, weights = np.exp(np.clip(lowest[: len(some) + 1], -20.0, 10.0)), np.zeros(3)
     weights[varies] = best[1:]
-    return Region(float(best[0] + RESOLUTION), *weights.tolist(), float(lowest[-1]))
+    members, friction, way = weights.tolist()
+    return Region(float(best[0] + RESOLUTION), members, friction, way, float(lowest[-1]))
 
 
 def _factors(
