@@ -17,6 +17,7 @@ from sain_model.physics.planar import PlanarPrior
 from sain_model.training.objectives import SinglePushes
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import Trainer
+from tests.sain_model.rolling import write_shard
 
 EPISODES, PUSHES = 20, 6
 SCENE = make_scene(
@@ -95,15 +96,9 @@ def write_dataset(folder: Path, episodes: int) -> Path:
     truth[:, 1, POSITION] += further[:, None] * unit(pushes[:, LOCATION])
     labels = np.repeat(np.arange(episodes), PUSHES)
     for shard, rows in enumerate(np.array_split(np.arange(len(pushes)), 2)):
-        np.savez_compressed(
-            folder / f"shard-{shard}.npz",
-            state=scenes[rows].reshape(len(rows), -1),
-            action=pushes[rows],
-            physics_next=physics[rows].reshape(len(rows), -1),
-            next_state=truth[rows].reshape(len(rows), -1),
-            floor_next=truth[rows].reshape(len(rows), -1) + 1e-4,
-            episode=labels[rows],
-            friction=np.full(len(rows), 0.12),
-        )
+        floor = truth[rows].reshape(len(rows), -1) + 1e-4
+        about = {"episode": labels[rows], "friction": np.full(len(rows), 0.12)}
+        some = scenes[rows], pushes[rows], truth[rows], physics[rows]
+        write_shard(folder, *some, number=shard, floor_next=floor, **about)
     assert (pushes[:, LENGTH] > 0).all()
     return folder

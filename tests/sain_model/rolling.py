@@ -37,18 +37,23 @@ def make_episodes(folder: Path, kept: np.ndarray = EVERY) -> Path:
         rows.append((scenes, pushes, PlanarPrior().step(scenes, pushes), truth(scenes, pushes)))
         scenes = rows[-1][3]
     arrays = [np.stack(part, axis=1) for part in zip(*rows, strict=True)]  # (episodes, pushes, ..)
-    flat = [array.reshape(EPISODES * PUSHES, -1) for array in arrays]
-    folder.mkdir(parents=True, exist_ok=True)
-    np.savez_compressed(
-        folder / "shard-0.npz",
-        state=flat[0][kept],
-        action=flat[1][kept],
-        physics_next=flat[2][kept],
-        next_state=flat[3][kept],
-        episode=(kept // PUSHES),
-        step=(kept % PUSHES),
+    scenes, pushes, physics, after = (np.concatenate(part)[kept] for part in arrays)
+    return write_shard(
+        folder, scenes, pushes, after, physics, episode=kept // PUSHES, step=kept % PUSHES,
         friction=np.full(len(kept), 0.12),
-    )
+    )  # fmt: skip
+
+
+def write_shard(
+    folder: Path, scenes: Scenes, pushes: Pushes, after: Scenes, physics: Scenes | None = None,
+    number: int = 0, **more: np.ndarray,
+) -> Path:  # fmt: skip
+    """Write transitions as a shard; without what physics predicts, nothing moves."""
+    known = {"state": scenes, "next_state": after}
+    known["physics_next"] = scenes if physics is None else physics
+    flat = {name: some.reshape(len(some), -1) for name, some in known.items()}
+    folder.mkdir(parents=True, exist_ok=True)
+    np.savez_compressed(folder / f"shard-{number}.npz", action=pushes, **flat, **more)
     return folder
 
 

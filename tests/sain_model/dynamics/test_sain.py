@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import torch
 
 from sain_core.push import LENGTH
 from sain_core.scene import POSITION, THETA, X, make_scene, wrap_angle
@@ -14,7 +13,6 @@ from sain_model.dynamics.intervals import Intervals, Region
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
-from sain_model.network.feature_kernels import BODY_FEATURES, RELATION_FEATURES
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -47,38 +45,6 @@ def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(sain, 
     after = sain.step(moved, pushes)
     np.testing.assert_allclose(after[..., POSITION], expected[..., POSITION], atol=2e-5)
     np.testing.assert_allclose(wrap_angle(after[..., THETA] - expected[..., THETA]), 0, atol=1e-3)
-
-
-def test_renumbering_the_other_disks_renumbers_the_prediction(sain, random_pushes):
-    positions = np.array([[0.45, 0.0], [0.591, 0.0], [0.5, 0.14], [0.5, -0.15]])
-    scene = make_scene(
-        positions, np.array([8.0, 7.0, 7.5, 8.5]), np.array([0.08, 0.06, 0.06, 0.06])
-    )
-    scenes = np.stack([scene] * 10)
-    _, pushes = random_pushes(10, 4)
-    order = [0, 1, 3, 2]
-    np.testing.assert_allclose(
-        sain.step(scenes[:, order], pushes), sain.step(scenes, pushes)[:, order], atol=1e-4
-    )
-
-
-@pytest.mark.parametrize("bodies", [2, 4])
-def test_an_ensemble_in_one_call_is_its_members_one_by_one(bodies):
-    lone = [random_network(0.5, seed, **NARROW) for seed in range(3)]
-    together = ensemble(lone)
-    random = torch.Generator().manual_seed(0)
-    inputs = [torch.randn(3, 5, bodies, BODY_FEATURES, generator=random)]
-    inputs += [torch.randn(3, 5, bodies * bodies, RELATION_FEATURES, generator=random)]
-    shared = [part[0] for part in inputs]
-    with torch.inference_mode():
-        each = torch.stack([network(*shared) for network in lone])
-        own = torch.stack([lone[m](inputs[0][m], inputs[1][m]) for m in range(3)])
-        torch.testing.assert_close(together.each(*shared), each, atol=1e-6, rtol=1e-5)
-        torch.testing.assert_close(together(*shared), each.mean(0), atol=1e-6, rtol=1e-5)
-        torch.testing.assert_close(together.each(*inputs), own, atol=1e-6, rtol=1e-5)
-        many = [part[:1].expand(1100, *part.shape[1:]) for part in shared]  # more than a chunk
-        torch.testing.assert_close(together(*many)[-1], each.mean(0)[0], atol=1e-6, rtol=1e-5)
-    assert (each[0] - each[1]).abs().max() > 1e-3
 
 
 def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(random_pushes):

@@ -83,7 +83,7 @@ def test_all_forms_become_the_same_rows(rows, tmp_path):
     assert data.parts[0].surface.tolist().count("steel") == 4
 
 
-def test_physics_predicts_what_it_has_simulated(rows, tmp_path):
+def test_physics_predicts_what_it_has_simulated_and_no_split_divides_repeats(rows, tmp_path):
     """Frames, centroids and the tool's way are right: the prediction is what was recorded."""
     write_stated(tmp_path)
     data, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
@@ -93,11 +93,6 @@ def test_physics_predicts_what_it_has_simulated(rows, tmp_path):
     moved = poses(data, "next_state") - poses(data, "state")
     assert np.abs(moved[:, :2]).max() > 0.02
     assert "nominal physics errs by 0.00 mm" in printed
-
-
-def test_no_split_divides_repeats(rows, tmp_path):
-    write_stated(tmp_path)
-    data, printed = convert(tmp_path / "out", write_npz(tmp_path / "all.npz", rows))
     assert "16 groups of repeats, 67 % of pushes have one, at most 2 in a group" in printed
     split = split_by_episode(data, 0, 0.2, 0.2)
     parts = [set(part.episode.tolist()) for part in (split.train, split.validation, split.test)]
@@ -124,25 +119,6 @@ def test_a_data_set_has_its_outlines_with_it(rows, tmp_path, monkeypatch):
     path.write_text(json.dumps(content))
     with pytest.raises(DatasetError, match=r"outlines.json is damaged: the outline of 'knee-"):
         load_dataset(tmp_path / "out")
-
-
-def test_pushes_that_begin_inside_are_counted(rows, tmp_path):
-    write_stated(tmp_path)
-    inside = rows.tip_start.copy()
-    inside[[3, 5]] = rows.before[[3, 5], :2]  # a corner of the outline, by its frame
-    end = rows.tip_end + inside - rows.tip_start
-    npz = write_npz(tmp_path / "all.npz", rows.changed(tip_start=inside, tip_end=end))
-    data, printed = convert(tmp_path / "out", npz)
-    assert len(data) == 22
-    assert f"2 left out: the tool begins inside the body ({npz} row 4, {npz} row 6" in printed
-    with pytest.raises(DatasetError, match=r"all.npz row 4: the tool begins 4.\d mm inside the bo"):
-        convert(tmp_path / "other", npz, skip_bad=False)
-    everywhere = rows.changed(tip_start=rows.before[:, :2], tip_end=rows.before[:, :2] + 0.02)
-    npz = write_npz(tmp_path / "all.npz", everywhere)
-    with pytest.raises(
-        DatasetError, match=r"24 of 24 pushes cannot be: .*the tool begins .*mirrored"
-    ):
-        convert(tmp_path / "other", npz)
 
 
 def test_shapes_of_the_library_need_a_radius(rows, tmp_path):
@@ -365,26 +341,33 @@ def test_all_files_of_a_folder_are_read_or_named(rows, tmp_path):
 
 def test_pushes_that_cannot_be_are_left_out_by_name(rows, tmp_path):
     write_stated(tmp_path)
-    after = rows.after.copy()
+    after, start = rows.after.copy(), rows.tip_start.copy()
     ways = np.hypot(*(rows.after - rows.before)[:, :2].T)
     touched = np.flatnonzero(ways > 0.005)
-    touched = touched[np.argsort(ways[touched])]
-    missed = np.flatnonzero((rows.after == rows.before).all(axis=1))
-    spun, far = touched[:2]
+    spun, far, inside = touched[np.argsort(ways[touched])][:3]
+    missed = np.flatnonzero((rows.after == rows.before).all(axis=1))[0]
     after[far, 0] += 0.3
     after[spun, 2] += 3.0
-    after[missed[0], 1] += 0.02
-    npz = write_npz(tmp_path / "all.npz", rows.changed(after=after))
+    after[missed, 1] += 0.02
+    start[inside] = rows.before[inside, :2]  # a corner of the outline, by its frame
+    end = rows.tip_end + start - rows.tip_start
+    bad = rows.changed(after=after, tip_start=start, tip_end=end)
+    npz = write_npz(tmp_path / "all.npz", bad)
     data, printed = convert(tmp_path / "out", npz)
-    assert len(data) == 2 * PUSHES - 3
+    assert len(data) == 2 * PUSHES - 4
     for what, row in (
         ("the body moves farther than the tool", far),
         ("the body turns farther than the tool can turn it", spun),
-        ("the body moves, and the tool never touches it", missed[0]),
+        ("the body moves, and the tool never touches it", missed),
+        ("the tool begins inside the body", inside),
     ):
         assert f"1 left out: {what} ({npz} row {row + 1})" in printed
-    with pytest.raises(DatasetError, match=r"row \d+: the body moves by \d+ mm and \d+ degrees"):
+    with pytest.raises(DatasetError, match=r"row \d+: the (body moves|tool begins) .*\d mm"):
         convert(tmp_path / "other", npz, skip_bad=False)
+    everywhere = rows.changed(tip_start=rows.before[:, :2], tip_end=rows.before[:, :2] + 0.02)
+    npz = write_npz(tmp_path / "all.npz", everywhere)
+    with pytest.raises(DatasetError, match=r"24 of 24 pushes cannot be: .*begins .*mirrored"):
+        convert(tmp_path / "other", npz)
 
 
 def test_bodies_that_move_against_the_tool_are_a_warning(rows, tmp_path):

@@ -21,6 +21,7 @@ from sain_model.dynamics.identify import fit_laboratory, identify_bodies, observ
 from sain_model.inference.kinds import FRICTION, NO_AXES, read_belief
 from sain_model.physics.parameters import TEXTBOOK, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.sain_model.rolling import write_shard
 
 Draw = Callable[[int, int], tuple[Scenes, Pushes]]
 EPISODES, PUSHES = 10, 5
@@ -29,24 +30,14 @@ LAB = replace(TEXTBOOK, tool_friction=0.25, inertia=0.42)
 
 def record(folder: Path, draw: Draw, config: PlanarConfig, seed: int, column: str = "") -> Path:
     """Write what a laboratory shows: each episode has a friction of its own."""
-    folder.mkdir(parents=True)
     scenes, pushes = draw(EPISODES * PUSHES, seed)
     random = np.random.default_rng(seed)
     episode = np.repeat(np.arange(EPISODES), PUSHES)
     friction = random.uniform(0.08, 0.2, EPISODES)[episode]
     after = PlanarPrior(config).step(scenes, pushes, {FRICTION: friction})
     after[..., :2] += random.normal(0, 1e-4, after[..., :2].shape)
-    arrays = {
-        "state": scenes.reshape(len(scenes), -1),
-        "action": pushes,
-        "physics_next": scenes.reshape(len(scenes), -1),
-        "next_state": after.reshape(len(scenes), -1),
-        "episode": episode + 40,
-    }
-    if column:
-        arrays[column] = friction
-    np.savez_compressed(folder / "shard-00000.npz", **arrays)
-    return folder
+    known = {column: friction} if column else {}
+    return write_shard(folder, scenes, pushes, after, episode=episode + 40, **known)
 
 
 def believing(name: str, belief: Path) -> Model:
@@ -66,7 +57,7 @@ def test_parameters_are_recovered_with_a_friction_for_each_episode(recording):
     assert values["tool_friction"] == pytest.approx(0.25, rel=0.05)
     assert values["inertia"] == pytest.approx(0.42, rel=0.1)
     assert np.ptp(values["inertia"]) == 0.0
-    with np.load(recording / "shard-00000.npz") as shard:
+    with np.load(recording / "shard-0.npz") as shard:
         truth = shard["friction"][::PUSHES]
     np.testing.assert_allclose(values[FRICTION], truth, rtol=0.05)
 
@@ -109,7 +100,6 @@ def test_recordings_of_two_laboratories_are_an_error(recording, tmp_path, random
 def name_bodies(out: Path, touched: bool = True) -> Path:
     """Write strokes against a disk on five surfaces, of a tool that may miss."""
     count = 5 * PUSHES
-    out.mkdir()
     scenes = np.zeros((count, 1, 8))
     scenes[:, 0, 6:] = 1.0, 0.05
     bearing = np.linspace(0.0, 6.0, count)
@@ -119,19 +109,10 @@ def name_bodies(out: Path, touched: bool = True) -> Path:
     bodies = Bodies.named(["disk:flat"])
     after = PlanarPrior(PlanarConfig(), bodies).step(scenes, strokes)
     named = describe_bodies(bodies)
-    columns = {
-        "state": scenes[:, 0],
-        "action": strokes,
-        "physics_next": after[:, 0],
-        "next_state": after[:, 0],
-        "episode": np.arange(count),
-        "shapes": np.full(count, named["shapes"]),
-        "roles": np.full(count, named["roles"]),
-        "object": np.full(count, "puck"),
-        "surface": np.repeat([f"table {number}" for number in range(5)], PUSHES),
-    }
-    np.savez_compressed(out / "shard-00000.npz", **columns)
-    return out
+    text = {"object": "puck", "shapes": named["shapes"], "roles": named["roles"]}
+    columns = {name: np.full(count, value) for name, value in text.items()}
+    columns["surface"] = np.repeat([f"table {number}" for number in range(5)], PUSHES)
+    return write_shard(out, scenes, strokes, after, episode=np.arange(count), **columns)
 
 
 def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path):
@@ -144,21 +125,17 @@ def test_what_pushes_do_not_show_stays_as_uncertain_as_before(tmp_path):
     assert shown[True]["centre_x"] < 0.7 * shown[False]["centre_x"]
 
 
-def test_a_model_that_named_bodies_have_no_use_for_is_refused(tmp_path, capsys):
-    data, given = name_bodies(tmp_path / "robot"), ["--model", "nonsense"]
-    assert commands.identify([str(data), "--out", str(tmp_path / "belief.json"), *given]) == 1
-    message = "--model is 'nonsense'; it is for recordings of a laboratory"
-    assert message in " ".join(capsys.readouterr().err.split())
-
-
 def test_as_many_pushes_of_each_named_body_count_as_are_given(tmp_path, recording, capsys):
-    data, out = name_bodies(tmp_path / "robot"), tmp_path / "belief.json"
-    assert commands.identify([str(data), "--out", str(out), "--pushes", "2"]) == 0
+    data, out = str(name_bodies(tmp_path / "robot")), ["--out", str(tmp_path / "belief.json")]
+    assert commands.identify([data, *out, "--pushes", "2"]) == 0
     assert "10 pushes of 5" in capsys.readouterr().out
-    assert commands.identify([str(data), str(data), "--out", str(out)]) == 1
-    assert "is given twice; give each recording once" in " ".join(capsys.readouterr().err.split())
-    assert commands.identify([str(data), str(recording), "--out", str(out)]) == 1
-    assert "some of the pushes name their body" in " ".join(capsys.readouterr().err.split())
+    for given, message in (
+        ([data], "is given twice; give each recording once"),
+        ([str(recording)], "some of the pushes name their body"),
+        (["--model", "nonsense"], "--model is 'nonsense'; it is for recordings of a laboratory"),
+    ):
+        assert commands.identify([data, *given, *out]) == 1
+        assert message in " ".join(capsys.readouterr().err.split())
 
 
 @pytest.mark.parametrize("content", ["", "{}", '{"format": "sain-belief-2", "structures": []}'])

@@ -136,12 +136,10 @@ def test_the_settings_beside_a_checkpoint(dataset, tmp_path):
     assert commands.train([str(dataset), "--out", str(tmp_path), *options]) == 0
     settings = json.loads((tmp_path / "config.json").read_text())
     card = json.loads((tmp_path / "sain.json").read_text())
-    assert settings["training"]["batch"] == card["training"]["batch"] == 16
-    assert settings["training"]["optimizer"] == "adam"
+    assert settings["training"].items() <= card["training"].items()
+    assert (card["training"]["batch"], card["training"]["optimizer"]) == (16, "adam")
     assert settings["data_sha256"] == card["data"]["sha256"]
-    assert settings["training"]["seed"] == card["training"]["seed"] == 0
     assert settings["environment"] == card["versions"]
-    assert card["versions"]["torch"] == torch.__version__
     assert card["versions"]["sain"] == version("sain")
     assert card["training"]["epochs_done"] == 2
     before = (tmp_path / "config.json").read_bytes()
