@@ -55,8 +55,9 @@ def draw_strokes(scenes: Scenes, seed: int = 0) -> Pushes:
     return make_stroke(start, heading, 0.06, speed=0.02, tip_radius=TIP)
 
 
-@pytest.mark.parametrize("radius", [0.004, 0.012, 0.03])
-@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("star",)])
+@pytest.mark.parametrize(
+    ("names", "radius"), [(("disk", "disk"), 0.012), (("t", "disk"), 0.004), (("star",), 0.03)]
+)
 def test_a_push_is_predicted_as_the_stroke_that_it_is_of_its_own_tool(names, radius):
     bodies, limits = bodies_of(*names), PushLimits(tool_radius=radius)
     scenes, pushes = draw(len(names), 60)
