@@ -46,15 +46,14 @@ Figures = dict[str, Any]
 class ErrorRows:
     """R bodies after so many pushes from the first scene."""
 
-    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push), "setting",
-    # "alone", "moved" [m] since the first scene, "earlier" pushes of the episode
+    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push), "alone",
+    # "moved" [m] since the first scene, "earlier" pushes of the episode
     about: dict[str, ndarray]
     off: dict[str, Float[ndarray, "R"]]  # distances [mm] by predictor; NaN where it says nothing
     turned: dict[str, Float[ndarray, "R"]]  # likewise of headings [deg]
     # whether the latest push moved the body in prediction and truth, or in neither
     agreed: dict[str, ndarray]
-    # columns "spread" and "radius" [mm] of models that have them
-    regions: dict[str, dict[str, Float[ndarray, "R"]]]
+    regions: dict[str, Float[ndarray, "R"]]  # radii [mm] of models that have them
 
     @classmethod
     def after(cls, predictions: Sequence[Predictions], step: int) -> "ErrorRows":
@@ -85,8 +84,7 @@ class ErrorRows:
         shapes = {
             f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
         }
-        settings = {f"in {s}": pushed & (about["setting"] == s) for s in _names(about["setting"])}
-        return groups | shapes | settings
+        return groups | shapes
 
     def figures(self, name: str, rows: Mask, seed: int) -> Figures | None:
         """Return the errors of a predictor on these rows; None where it says nothing there."""
@@ -103,13 +101,8 @@ class ErrorRows:
             "agreed": float(self.agreed[name][rows].mean()),
         }
         if name in self.regions:
-            regions = {key: values[rows] for key, values in self.regions[name].items()}
-            held = (off <= regions["radius"]).astype(float)
-            found |= {
-                "coverage": self._mean(held, rows, seed),
-                "spread": float(regions["spread"].mean()),
-                "radius": float(np.median(regions["radius"])),
-            }
+            held = (off <= self.regions[name][rows]).astype(float)
+            found["coverage"] = self._mean(held, rows, seed)
         return found
 
     def _mean(self, values: Scalars, rows: ndarray, seed: int) -> Interval:
@@ -210,10 +203,6 @@ def position_errors(predicted: Scenes, actual: Scenes, body: int) -> Scalars:
     return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
 
 
-def _names(values: ndarray) -> list[str]:
-    return [name for name in np.unique(values).tolist() if name]
-
-
 def _ways(before: Scenes, after: Scenes) -> Float[ndarray, "*B N"]:
     return np.asarray(np.linalg.norm((after - before)[..., POSITION], axis=-1))
 
@@ -226,8 +215,6 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
     pushed = pushed_bodies(windows.pushes[chosen, step - 1])
     names = [one.name for one in part.bodies.fitted(part.disks).shapes]
 
-    setting = np.full(len(part), "") if part.setting is None else part.setting
-
     def each(values: ndarray) -> ndarray:
         return np.broadcast_to(values, shape).reshape(-1)
 
@@ -239,7 +226,6 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
         "alone": each(np.array(part.disks == 1)),
         "moved": each(_ways(windows.scenes[chosen], truth)),
         "earlier": each(some.earlier[chosen, None]),
-        "setting": each(setting[windows.rows[chosen, 0], None]),
     }
     off, turned, agreed = {}, {}, {}
     hit = _latest_ways(windows.scenes[chosen], windows.next_scenes[chosen], step) > MOVED
@@ -254,8 +240,7 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
     regions = {}
     for name, said in some.regions.items() if step == 1 else ():
         assert said.radius is not None
-        columns = {"spread": said.spread, "radius": said.radius}
-        regions[name] = {key: 1e3 * values[chosen].reshape(-1) for key, values in columns.items()}
+        regions[name] = 1e3 * said.radius[chosen].reshape(-1)
     return ErrorRows(about, off, turned, agreed, regions)
 
 
@@ -267,6 +252,4 @@ def _latest_ways(first: Scenes, rollouts: ndarray, step: int) -> Float[ndarray, 
 def _joined(columns: Sequence[dict[str, Any]]) -> dict[str, Any]:
     """Return the same columns of all parts as one, those that a part lacks left out."""
     names = [name for name in columns[0] if all(name in some for some in columns)]
-    if names and isinstance(columns[0][names[0]], dict):
-        return {name: _joined([some[name] for some in columns]) for name in names}
     return {name: np.concatenate([some[name] for some in columns]) for name in names}

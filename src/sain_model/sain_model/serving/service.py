@@ -1,12 +1,9 @@
 """The model that is served, the one that replaces it, and how requests fare."""
 
-from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
 
 from sain_core.config import Config, option
 from sain_core.errors import BusyError
@@ -54,7 +51,6 @@ class ServingConfig(Config):
         unknown_names(self.unknown)
 
 
-RECENT: Final = 256  # requests that the percentiles are of
 SERVING: Final = "serving"
 
 
@@ -67,46 +63,24 @@ class ServiceRecord:
     failures: int = 0  # of them, with an error
     refusal: str = ""  # of the latest request; empty: it was answered
     queue: int = 0  # taken and not yet answered
-    longest_queue: int = 0
-    longest: float = 0.0  # [s]
-    # of the latest requests [s], waiting included
-    latencies: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+    latest: float = 0.0  # from taking to answering [s]
+    longest: float = 0.0  # likewise
 
     def take(self) -> None:
         """Note that a request was taken; raises `BusyError`: too many are waiting."""
         waiting = self.queue
         self.queue += 1
-        self.longest_queue = max(self.longest_queue, self.queue)
         if waiting >= self.most:
             raise BusyError(f"{waiting} requests are waiting already; at most {self.most} may")
 
     def answered(self, taken: float, refusal: str = "") -> None:
         """Note that a request that was taken then was answered, or why it was refused."""
-        latency = perf_counter() - taken
+        self.latest = perf_counter() - taken
+        self.longest = max(self.longest, self.latest)
         self.queue -= 1
         self.requests += 1
         self.failures += bool(refusal)
-        self.refusal, self.longest = refusal, max(self.longest, latency)
-        self.latencies.append(latency)
-
-    def percentile(self, share: float) -> float:
-        """Return the latency [s] that a share of the latest requests stayed within; 0: none yet."""
-        if not self.latencies:
-            return 0.0
-        return float(np.quantile(self.latencies, share, method="inverted_cdf"))
-
-    def summary(self) -> dict[str, object]:
-        """Return the figures for a report."""
-        return {
-            "requests": self.requests,
-            "failures": self.failures,
-            "queue": self.queue,
-            "longest_queue": self.longest_queue,
-            "last_ms": f"{1e3 * (self.latencies[-1] if self.latencies else 0.0):.1f}",
-            "p50_ms": f"{1e3 * self.percentile(0.5):.1f}",
-            "p95_ms": f"{1e3 * self.percentile(0.95):.1f}",
-            "longest_ms": f"{1e3 * self.longest:.1f}",
-        }
+        self.refusal = refusal
 
 
 class ModelService:
@@ -187,5 +161,9 @@ class ModelService:
             "model": described.model,
             "model_hash": described.model_hash[:16],
             "device": described.device,
-            **self.record.summary(),
+            "requests": self.record.requests,
+            "failures": self.record.failures,
+            "queue": self.record.queue,
+            "last_ms": f"{1e3 * self.record.latest:.1f}",
+            "longest_ms": f"{1e3 * self.record.longest:.1f}",
         }
