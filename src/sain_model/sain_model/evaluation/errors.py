@@ -46,7 +46,7 @@ Figures = dict[str, Any]
 class ErrorRows:
     """R bodies after so many pushes from the first scene."""
 
-    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push), "alone",
+    # what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
     # "moved" [m] since the first scene, "earlier" pushes of the episode
     about: dict[str, ndarray]
     off: dict[str, Float[ndarray, "R"]]  # distances [mm] by predictor; NaN where it says nothing
@@ -76,9 +76,6 @@ class ErrorRows:
             **{f"target, {n} earlier": target & (earlier == n) for n in range(ENOUGH)},
             f"target, {ENOUGH}+ earlier": target & (earlier >= ENOUGH),
             PUSHED: pushed,
-            "pushed, alone": pushed & about["alone"],
-            "pushed, one of several": pushed & ~about["alone"],
-            "not pushed, moved": ~pushed & moved,
             "all that moved": moved,
         }
         shapes = {
@@ -223,7 +220,6 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
         "shape": each(np.array(names)),
         "body": each(np.arange(part.disks)),
         "pushed": each(pushed[:, None] == np.arange(part.disks)),
-        "alone": each(np.array(part.disks == 1)),
         "moved": each(_ways(windows.scenes[chosen], truth)),
         "earlier": each(some.earlier[chosen, None]),
     }
