@@ -14,11 +14,10 @@ from sain_bags.playing import (
     Passage,
     PlayOptions,
     choose_topics,
-    place_in,
     play,
 )
 from sain_bags.reading.reader import Bag
-from sain_core.errors import ConfigError, DatasetError
+from sain_core.errors import DatasetError
 from tests.sain_bags.conftest import SECOND, START
 
 LATCHED = TopicQos(durability="transient_local", depth=1)
@@ -131,11 +130,6 @@ def test_time_is_told_between_messages_at_its_rate(flags):
     assert [event.due for event in events] == sorted(event.due for event in events)
 
 
-def test_a_recorded_clock_is_not_doubled(flags):
-    chosen = Passage(Bag(flags), {"/flag", "/clock"}, PlayOptions(Path(), clock=100.0))
-    assert all(event.raw is not None for event in chosen.events())
-
-
 def test_what_is_overdue_comes_at_once_and_in_order():
     hand = Hand(takes=0.25)
     played = play((Event(0.1 * place, place, None) for place in range(5)), hand.publish, hand)
@@ -153,26 +147,3 @@ def test_topics_are_chosen(flags):
 
 
 BEST, SURE = TopicQos(reliability="best_effort", depth=3), TopicQos(depth=7)
-
-
-@pytest.mark.parametrize(
-    ("namespace", "topic", "name"),
-    [
-        ("", "/sain/scene", "/sain/scene"),
-        ("/again", "/sain/scene", "/again/sain/scene"),
-        ("a/b/", "/x", "/a/b/x"),
-        ("again", "/clock", "/clock"),
-    ],
-)
-def test_topics_have_a_place_in_a_namespace(namespace, topic, name):
-    assert place_in(namespace, topic) == name
-
-
-@pytest.mark.parametrize(
-    ("config", "message"),
-    [({"rate": 0.0}, "rate is 0.0"), ({"start": -1.0}, "start is -1.0"),
-     ({"rate": float("nan")}, "must be finite")],
-)  # fmt: skip
-def test_settings_are_checked(config, message):
-    with pytest.raises(ConfigError, match=message):
-        PlayOptions(Path(), **config)

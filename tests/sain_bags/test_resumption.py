@@ -29,20 +29,6 @@ def record(folder: Path, first: int, count: int, whole: bool, is_part: bool = Fa
         writer.flush()  # and the process is killed
 
 
-def test_all_that_was_flushed_becomes_one_bag(tmp_path: Path) -> None:
-    folder = tmp_path / "bag"
-    for number, whole in enumerate((False, False, True)):
-        aside = set_aside(folder)
-        assert (aside is None) == (number == 0)
-        record(folder, 1 + 100 * number, 100, whole, is_part=number > 0)
-    join(aside, folder)
-    bag = Bag(folder)
-    bag.check()
-    assert [received.log_time for received in bag.messages(["/text"])] == list(range(1, 301))
-    assert not aside.exists()
-    assert [path.name for path in folder.glob("*.mcap")] == ["bag_0.mcap"]
-
-
 def contents(folder: Path) -> dict[str, bytes]:
     return {
         str(path.relative_to(folder)): path.read_bytes()

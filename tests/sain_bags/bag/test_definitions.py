@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from sain_bags.bag.definitions import SEPARATOR, Definitions
-from sain_core.errors import InvalidInputError
 
 
 def install(prefix: Path, name: str, text: str) -> None:
@@ -30,11 +28,6 @@ def test_joined_appends_each_dependency_once(tmp_path: Path) -> None:
     ]
     assert joined.count(SEPARATOR) == 2
     assert len(SEPARATOR) == 80
-
-
-def test_missing_definition_names_type_and_where_it_was_sought(tmp_path: Path) -> None:
-    with pytest.raises(InvalidInputError, match=f"a/msg/M is installed; searched {tmp_path}"):
-        Definitions((tmp_path,)).text("a/msg/M")
 
 
 def install_service(prefix: Path, name: str, text: str) -> None:

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from sain_bags.cli.report import ReportOptions, default_path, run
 from sain_bringup.graph import executable
-from sain_core.errors import DatasetError, OutputError
+from sain_core.errors import OutputError
 from sain_core.output import write_whole
 
 
@@ -33,17 +33,6 @@ def test_a_report_replaces_no_other_result(episode_bag, tmp_path):
     assert shard.read_bytes() == b"PAR1 of a week"
     for _ in range(2):
         run(ReportOptions(episode_bag, tmp_path / "data" / "page.html"), Console(quiet=True))
-
-
-@pytest.mark.parametrize("place", [0.2, 0.5, 0.8])
-def test_damage_is_told_and_nothing_is_written(episode_bag, tmp_path, place):
-    file = episode_bag / "bag_0.mcap"
-    whole = bytearray(file.read_bytes())
-    whole[int(place * len(whole))] ^= 16
-    file.write_bytes(whole)
-    with pytest.raises(DatasetError, match="damaged or not whole"):
-        run(ReportOptions(episode_bag, tmp_path / "page.html"), Console(quiet=True))
-    assert not (tmp_path / "page.html").exists()
 
 
 def test_the_command_fails_with_one_line(tmp_path):

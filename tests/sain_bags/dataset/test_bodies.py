@@ -151,16 +151,6 @@ def test_a_push_without_a_prediction_is_predicted_with_its_shape(
     assert np.abs(expected[0] - STATES[0]).max() > 0.01
 
 
-def test_every_format_takes_them(shaped_bag: Path, tmp_path: Path) -> None:
-    import pyarrow.parquet
-
-    for name in ("parquet", "lerobot"):
-        convert([shaped_bag], tmp_path / name, replace(KEPT, format=name))
-    table = pyarrow.parquet.read_table(next((tmp_path / "parquet").glob("*.parquet"))).to_pydict()
-    assert table["shapes"] == ["t,disk"] * 2
-    assert table["goal_poses"][0][:3] == list(POSE)
-
-
 def test_shapes_that_change_within_an_episode_are_named(
     record: Callable[..., Any], tmp_path: Path
 ) -> None:

@@ -12,9 +12,8 @@ os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing
 
 from pyarrow import parquet
 
-from sain_bags.dataset import dataset_folder
 from sain_bags.dataset.formats import MADE, FormatName
-from sain_core.errors import ConfigError, OutputError
+from sain_core.errors import ConfigError
 from sain_core.output import MANIFEST
 from sain_core.transitions import PARTS
 from sain_model.data.dataset import load_dataset, split_by_episode
@@ -116,21 +115,6 @@ def test_overwriting_removes_only_what_a_conversion_wrote(
     assert all((out / path).read_text() == "the only copy" for path in mine)
     to(name, bag, out, overwrite=True)
     assert set(mine) < set(contents(out)) and not list(out.glob("shard-0*"))
-
-
-def test_a_full_disk_leaves_no_data_set(
-    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(rows: Any, folder: Path) -> None:
-        folder.mkdir()
-        (folder / "train-00000.parquet").write_bytes(b"half")
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(dataset_folder, "find_format", lambda name: full)
-    with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
-        to("parquet", bag, tmp_path / "out")
-    monkeypatch.undo()
-    assert [path.name for path in (tmp_path / "out").iterdir()] == [MANIFEST]
 
 
 @pytest.mark.parametrize(("name", "library"), [("parquet", "pyarrow"), ("lerobot", "lerobot")])

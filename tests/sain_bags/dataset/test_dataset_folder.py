@@ -60,17 +60,6 @@ def test_another_conversion_needs_to_be_told_to_overwrite(bag: Path, tmp_path: P
     assert b'"prior": "identity"' in contents(out)["conversion.json"]
 
 
-def test_another_recording_is_named_without_its_hash(
-    bag: Path, record: Callable[..., Any], tmp_path: Path
-) -> None:
-    convert([bag], tmp_path / "out")
-    other = record("other")
-    Drive(other).episode(1, range(1, 3))
-    other.writer.close()
-    with pytest.raises(OutputError, match=r"holds another conversion \(of other recordings\); "):
-        convert([other.writer.folder], tmp_path / "out")
-
-
 def test_a_conversion_that_fails_overwrites_nothing(
     bag: Path, record: Callable[..., Any], tmp_path: Path
 ) -> None:

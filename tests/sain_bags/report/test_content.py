@@ -1,13 +1,17 @@
 """What a page is made of, without a browser: what is gathered from a bag, and how it is written."""
 
+import json
+import math
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from sain_bags.report.gathering import Frames
 from sain_core.scene import STATE_NAMES
+from tests.sain_bags.conftest import resting_scene
 from tests.sain_bags.report.contents import content
-from tests.sain_bags.shown import STEPS, Show, shown_scenes
+from tests.sain_bags.shown import STEPS, Show, recorded, shown_scenes
 
 
 def scene_message(scene_id=1, settled=False, x=0.3, stamp=0, disks=2):
@@ -41,6 +45,38 @@ def test_a_push_lies_between_its_scenes(bag):
     assert [thing["kind"] for thing in refused["things"]] == ["push"]
     assert (refused["reason"], refused["message"]) == ("blocked", "disk 2 is in the way")
     assert second["counts"] == {"executed": 2, "refused": 1}
+
+
+def test_the_figures_are_those_of_the_bag(bag):
+    found, shown = recorded(bag), [p for one in content(bag)["episodes"] for p in one["pushes"]]
+    assert [push["outcome"] for push in shown].count("refused") == 1
+    for push, result, plan in zip(shown, found["push_result"], found["plan"], strict=True):
+        goal = found["goal"][result.episode_id - 1].poses[0]
+        before, after = (scene.disks[1] for scene in (result.before, result.after))
+        expected = plan.predicted.reshape(2, -1, 8)[0, 1]
+        errors = [
+            math.hypot(one.x - after.x, one.y - after.y)
+            for one in (SimpleNamespace(x=expected[0], y=expected[1]), result.prediction.disks[1])
+        ]
+        wanted = [*errors, math.dist((before.x, before.y), (after.x, after.y))]
+        done = push["outcome"] == "executed"
+        names = ("expectedError", "physicsError", "moved")
+        assert [push[name] for name in names] == (pytest.approx(wanted, abs=1e-8) if done else [None] * 3)
+        end = math.hypot(after.x - goal.x, after.y - goal.y)
+        assert push["distance"][1] == (pytest.approx(end, abs=1e-8) if done else None)
+        assert push["planning"] == pytest.approx(plan.planning_time, abs=1e-8)
+        assert push["location"] == pytest.approx(result.push.location, abs=1e-8)
+
+
+def test_numbers_that_are_none_never_reach_the_page(record, tmp_path):
+    recording = record()
+    scene, good = resting_scene(0.5), resting_scene(0.5)
+    scene[0, 7], scene[1, :2] = -0.08, 1e6
+    recording.scene(1, 1, scene)
+    recording.push(1, 1, good, resting_scene(0.6), location=1e9)
+    recording.push(2, 1, good, good, error_code=9, location=np.nan)
+    recording.writer.close()
+    json.dumps(content(tmp_path / "bag"), allow_nan=False)
 
 
 def test_scenes_that_make_no_sense_are_counted_and_left_out():

@@ -26,11 +26,6 @@ def test_chosen_topics_are_all_there_is() -> None:
     assert not Selection({"/a/_b"}).wants("/sain/rollout/_service_event")
 
 
-def test_service_calls_are_recorded_though_their_topics_are_hidden() -> None:
-    assert is_hidden("/sain/rollout/_service_event")
-    assert Selection().wants("/sain/rollout/_service_event")
-
-
 @pytest.mark.parametrize(
     ("offers", "request_"),
     [

@@ -10,33 +10,20 @@ import pytest
 import yaml
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
-from mcap.records import Chunk, DataEnd, Message
+from mcap.records import Message
 from mcap.stream_reader import StreamReader
-from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.mcap.preallocated_file import RESERVE
 from sain_bags.reading.reader import Bag
-from sain_bags.recovery import recover
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 from tests.sain_bags.doctor import examine
 
 TEXT = Topic("/chat", "std_msgs/msg/String", "string data\n", "RIHS01_ab", (TopicQos(),))
 HELLO = b"\x00\x01\x00\x00\x06\x00\x00\x00hello\x00"
-
-
-def test_rosbags_reads_every_message_with_the_definitions_inside(episode_bag: Path) -> None:
-    with AnyReader([episode_bag]) as reader:
-        results = [
-            reader.deserialize(raw, connection.msgtype)
-            for connection, _, raw in reader.messages()
-            if connection.topic == "/sain/push_result"
-        ]
-    assert [result.push_id for result in results] == [1, 2, 3]
-    assert results[2].after.disks[1].x == pytest.approx(0.79)
 
 
 def test_rosbag2_layout_names_topics_counts_qos_and_times(record: Callable[..., Any]) -> None:
@@ -111,20 +98,6 @@ def test_an_open_bag_is_no_bag_yet(tmp_path: Path) -> None:
         "bag_0.mcap",
         "metadata.yaml",
     ]
-
-
-def test_a_bag_without_messages_is_whole(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic(TEXT)
-    assert [topic.messages for topic in Bag(tmp_path / "bag").topics] == [0]
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == 0
-
-
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
-    (tmp_path / "bag").mkdir()
-    with pytest.raises(OutputError, match="never overwritten"):
-        BagWriter(tmp_path / "bag")
 
 
 class SmallDisk:
@@ -235,26 +208,3 @@ def test_events_are_read_without_what_comes_at_a_rate(record: Callable[..., Any]
     own = [(one.log_time, one.topic) for one in Bag(file).messages()]
     assert own == messages == sorted(messages)
     assert {topic for _, topic in own[::2]} == {"/sain/scene"}
-
-
-def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
-    """Nothing is closed: the recorder was killed."""
-    writer = BagWriter(tmp_path / "bag", custom_data={"seed": "7"}, ros_distro="kilted")
-    writer.add_topic(TEXT)
-    writer.write("/chat", HELLO, 1)
-    writer.flush()
-    report = recover(tmp_path / "bag", tmp_path / "saved")
-    writer.close()
-    assert len(report.losses) == 1
-    saved = Bag(tmp_path / "saved")
-    assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
-    assert saved.metadata["ros_distro"] == "kilted"
-
-
-def test_chunks_and_data_section_carry_crcs(episode_bag: Path) -> None:
-    with (episode_bag / "bag_0.mcap").open("rb") as stream:
-        records = list(StreamReader(stream, emit_chunks=True, validate_crcs=True).records)
-    assert all(record.uncompressed_crc for record in records if isinstance(record, Chunk))
-    assert [record.data_section_crc != 0 for record in records if isinstance(record, DataEnd)] == [
-        True
-    ]
