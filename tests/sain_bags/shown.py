@@ -10,21 +10,21 @@ from rosbags.highlevel import AnyReader
 from sain_core.push import make_push
 from sain_core.scene import make_scene
 from sain_core.types import Scene
+from tests.sain_bags.driven import Drive, Parts
 
 STEPS = 12  # scenes in motion during a push
 PLANNED = make_push(0.1, 0.1, [0.1, 0.1])
-PERIOD = 40_000_000  # [ns] between two of them
+PERIOD = 0.04  # [s] between two of them
 OK, BLOCKED = 1, 9
 
 
-class Show:
+class Show(Drive):
     """Writes episodes in which every disk moves in a straight line, push by push."""
 
     def __init__(self, recording: Any, scenes: bool = True, results: bool = True) -> None:
-        self.recording, self.make = recording, recording.messages.make
-        self.scenes, self.results = scenes, results
-        self.stamp = 5_000_000_000
-        self.scene_id = self.push_id = 0
+        super().__init__(recording, Parts(scenes=scenes))
+        self.make, self.results, self.push_id = recording.messages.make, results, 0
+        self.stamp = 5.0
         self.source, self.error = "/sain/mppi_node", "disk 2 is in the way"
 
     def episode(self, number: int, disks: int, ends: Sequence[float], refused: int = -1) -> None:
@@ -34,7 +34,7 @@ class Show:
         place = scene[1, 0] + sum(ends), scene[1, 1] + sum(ends) / 2
         poses = self.recording.messages.poses(*place)
         self._send("goal", "Goal", goal_id=number, episode_id=number, poses=poses)
-        self._show(number, scene, settled=True)
+        self.show(number, scene, settled=True)
         for place, distance in enumerate(ends):
             if place == refused:
                 self._push(number, scene, scene, code=BLOCKED)
@@ -55,14 +55,14 @@ class Show:
             horizon=2, disks=len(before), pushes=PLANNED.ravel(), predicted=expected.ravel(),
             planning_time=0.01 * self.push_id,
         )  # fmt: skip
-        start = self._scene(episode, before, True)
+        start = self.scene_message(episode, before, True)
         if code == OK:
             for share in np.linspace(0.0, 1.0, STEPS, endpoint=False):
                 self.stamp += PERIOD
-                self._show(episode, before + share * (after - before), settled=False)
+                self.show(episode, before + share * (after - before), settled=False)
             self.stamp += PERIOD
             self.scene_id += 1
-        result = self._scene(episode, after, True)
+        result = self.scene_message(episode, after, True)
         if self.results:
             disks = self.recording.messages.disks(after + _shift(after, 3 * off))
             prediction = {"model": "bullet_nominal", "error_code": code, "disks": disks}
@@ -71,35 +71,13 @@ class Show:
                 after=result, error_message="" if code == OK else self.error,
                 prediction=self.make("sain_interfaces/msg/Prediction", **prediction),
             )  # fmt: skip
-        self._show(episode, after, settled=True)
-        self._show(episode, after, settled=True)  # a simulator says it again while it idles
+        self.show(episode, after, settled=True)
+        self.show(episode, after, settled=True)  # a simulator says it again while it idles
         return after
-
-    def _show(self, episode: int, scene: Scene, settled: bool) -> None:
-        if self.scenes:
-            self._send("scene", self._scene(episode, scene, settled))
-
-    def _scene(self, episode: int, scene: Scene, settled: bool) -> Any:
-        seconds, nanoseconds = divmod(self.stamp, 10**9)
-        stamp = self.make("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        return self.make(
-            "sain_interfaces/msg/Scene",
-            header=self.make("std_msgs/msg/Header", stamp=stamp, frame_id="world"),
-            episode_id=episode, scene_id=self.scene_id, settled=settled,
-            disks=self.recording.messages.disks(scene),
-        )  # fmt: skip
 
     def _first(self, disks: int) -> Scene:
         positions = np.array([[0.30 + 0.13 * disk, 0.02 * disk] for disk in range(disks)])
         return make_scene(positions, np.full(disks, 8.0), np.linspace(0.07, 0.05, disks))
-
-    def _send(self, topic: str, message: Any, **fields: Any) -> None:
-        if isinstance(message, str):
-            message = self.make(f"sain_interfaces/msg/{message}", **fields)
-        kind = type(message).__name__.rpartition("__")[2]
-        values = {name: getattr(message, name) for name in message.__dataclass_fields__}
-        values.pop("__msgtype__", None)
-        self.recording.add(f"/sain/{topic}", kind, **values)
 
 
 def action(push_id: int) -> dict[str, float]:

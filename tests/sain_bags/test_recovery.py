@@ -11,7 +11,6 @@ from mcap.reader import make_reader
 from mcap.records import DataEnd
 from mcap.stream_reader import StreamReader
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
 from sain_bags.bag.metadata import Topic, TopicQos
@@ -210,15 +209,3 @@ def test_a_folder_of_sqlite3_is_named_with_what_saves_it(
     assert commands.recover([str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "bag.db3 is a sqlite3 file; `sqlite3 FILE .recover` saves those" in said
-
-
-def test_two_types_on_a_topic_are_counted_apart(tmp_path: Path) -> None:
-    store = get_typestore(Stores.ROS2_JAZZY)
-    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-        for number, kind in enumerate(("std_msgs/msg/String", "std_msgs/msg/Bool")):
-            connection = writer.add_connection("/chat", kind, typestore=store)
-            for time in range(3 - number):
-                writer.write(connection, 1000 + time, bytes([0, 1, 0, 0, 0]))
-    assert not recover(tmp_path / "bag", tmp_path / "out").losses
-    counts = {one.type: one.messages for one in Bag(tmp_path / "out").topics}
-    assert counts == {"std_msgs/msg/String": 3, "std_msgs/msg/Bool": 2}

@@ -18,24 +18,22 @@ from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
 from sain_bags.bag.metadata import (
-    METADATA_FILE,
     METADATA_RECORD,
     START_RECORD,
     Span,
     bag_metadata,
+    find_parts,
     read_metadata,
     read_record,
     span_of,
-    storage_of,
     topic_of,
     write_metadata,
 )
-from sain_bags.bag.parts import check_parts, earlier, mcap_files, move_files, remove_parts
+from sain_bags.bag.parts import check_parts, move_files, remove_parts
 from sain_bags.mcap.copying import McapCopy
 from sain_bags.mcap.integrity import DAMAGE, read_data
 from sain_bags.mcap.mcap_file import McapFile
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
-from sain_core.guarding.kinds import describe
 from sain_core.guarding.untrusted import open_regular
 
 CUT_OFF: Final = (EndOfFile, struct.error)  # before the record that ends the data
@@ -79,26 +77,6 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
         reason = error.strerror or error
         raise OutputError(f"cannot recover {source} to {out}: {reason}") from error
     return Recovered(span, losses)
-
-
-def find_parts(source: Path) -> tuple[Path, ...]:
-    """Return the MCAP files of a bag; of one that was not closed, also those it goes on with.
-
-    Raises:
-        DatasetError: there is no such file.
-    """
-    for path in (source, *sorted(source.glob("*.db3"))):
-        if path.is_file() and storage_of(path) != "mcap":
-            raise DatasetError(f"{path} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
-    if source.is_file():
-        return (source,)
-    files = mcap_files(source)
-    if not (source / METADATA_FILE).is_file():
-        files = (*mcap_files(earlier(source)), *files)
-    if not files:
-        what = f"; it {found}" if (found := describe(source)) else ""
-        raise DatasetError(f"there is no MCAP file at {source}{what}")
-    return files
 
 
 def join(aside: Path, folder: Path, advance: Advance = lambda done: None) -> None:

@@ -48,9 +48,9 @@ def test_a_push_lies_between_its_scenes(bag):
 
 
 def test_the_figures_are_those_of_the_bag(bag):
-    found, shown = recorded(bag), [p for one in content(bag)["episodes"] for p in one["pushes"]]
-    assert [push["outcome"] for push in shown].count("refused") == 1
-    for push, result, plan in zip(shown, found["push_result"], found["plan"], strict=True):
+    found, pushes = recorded(bag), [p for one in content(bag)["episodes"] for p in one["pushes"]]
+    assert [push["outcome"] for push in pushes].count("refused") == 1
+    for push, result, plan in zip(pushes, found["push_result"], found["plan"], strict=True):
         goal = found["goal"][result.episode_id - 1].poses[0]
         before, after = (scene.disks[1] for scene in (result.before, result.after))
         expected = plan.predicted.reshape(2, -1, 8)[0, 1]
@@ -61,7 +61,9 @@ def test_the_figures_are_those_of_the_bag(bag):
         wanted = [*errors, math.dist((before.x, before.y), (after.x, after.y))]
         done = push["outcome"] == "executed"
         names = ("expectedError", "physicsError", "moved")
-        assert [push[name] for name in names] == (pytest.approx(wanted, abs=1e-8) if done else [None] * 3)
+        assert [push[name] for name in names] == (
+            pytest.approx(wanted, abs=1e-8) if done else [None] * 3
+        )
         end = math.hypot(after.x - goal.x, after.y - goal.y)
         assert push["distance"][1] == (pytest.approx(end, abs=1e-8) if done else None)
         assert push["planning"] == pytest.approx(plan.planning_time, abs=1e-8)

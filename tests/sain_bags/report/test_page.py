@@ -83,18 +83,6 @@ def test_the_slider_shows_the_recorded_scenes(browser, bag, page):
     assert "push 2 of 2" in browser.one("#slider").get_attribute("aria-valuetext")
 
 
-def test_an_episode_is_chosen(browser, bag, page):
-    browser.open(page)
-    assert browser.text("#episode-title").startswith("Episode 1 · anywhere 4: 2 pushes")
-    second = browser.all("#list button")[1]
-    second.send_keys(Keys.ENTER)
-    assert second.get_attribute("aria-pressed") == "true"
-    assert browser.text("#episode-title").startswith("Episode 2 · clutter 5: 2 pushes, 1 refused")
-    slide_to(browser, Keys.END)
-    assert close(browser.disks(), drawn(shown_scenes(bag, 2)[-1]))
-    assert len(browser.all("#marks button")) == len(browser.all("#pushes tbody tr")) == 3
-
-
 def test_a_push_is_shown_with_what_was_expected(browser, bag, page):
     browser.open(page)
     found = recorded(bag)

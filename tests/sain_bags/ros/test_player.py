@@ -110,16 +110,6 @@ def test_a_topic_is_offered_as_it_was(graph, recording, player):
     assert offer("/plain") == (sure, DurabilityPolicy.VOLATILE)
 
 
-def test_who_comes_late_gets_what_is_latched(graph, recording, player):
-    say(recording, "/goal", "first", "last", offered_qos=(LATCHED,))
-    bag = closed(recording)
-    play_all(graph, player(bag), bag)
-    heard: list[str] = []
-    graph.bystander.create_subscription(String, "/goal", lambda m: heard.append(m.data), LATE)
-    graph.wait(lambda: heard, "the goal")
-    assert heard == ["last"]
-
-
 @pytest.fixture
 def command(ros_domain: int) -> list[str]:
     return [str(executable("sain_bags", "play"))]

@@ -78,15 +78,6 @@ def test_absent_topics_and_types_that_are_not_installed_are_warned_of_and_listed
     ]
 
 
-def test_what_was_latched_before_is_recorded(studio: Studio) -> None:
-    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="before"))
-    studio.start()
-    studio.recorded("/goal", 1)
-    (received,) = studio.end().messages(["/goal"])
-    assert received.message.data == "before"
-    assert received.publish_time <= received.log_time
-
-
 def test_best_effort_is_recorded_also_when_it_joins_a_reliable_topic(studio: Studio) -> None:
     studio.start()
     studio.player.create_publisher(Clock, "/clock", 10)

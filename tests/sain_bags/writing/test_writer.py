@@ -8,10 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
-from mcap.records import Message
-from mcap.stream_reader import StreamReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
@@ -53,53 +50,6 @@ def test_rosbag2_layout_names_topics_counts_qos_and_times(record: Callable[..., 
     assert profiles[0].reliability == QosReliability.RELIABLE
 
 
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
-def test_mcap_says_what_the_registry_asks_for(compression: str, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", BagConfig(compression=compression)) as writer:
-        writer.add_topic(TEXT)
-        for number in range(5):
-            writer.write("/chat", HELLO, received=2000 + number, published=1000, sequence=number)
-    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        summary = reader.get_summary()
-        assert reader.get_header().profile == "ros2"
-        found = list(reader.iter_messages())
-    assert summary is not None
-    assert summary.statistics is not None
-    assert summary.statistics.message_count == 5
-    schema, channel, message = found[-1]
-    assert schema is not None
-    assert (schema.encoding, schema.name) == ("ros2msg", "std_msgs/msg/String")
-    assert channel.message_encoding == "cdr"
-    assert channel.metadata["topic_type_hash"] == "RIHS01_ab"
-    assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"] == "volatile"
-    assert (message.log_time, message.publish_time, message.sequence) == (2004, 1000, 4)
-    assert {chunk.compression for chunk in summary.chunk_indexes} == {
-        "" if compression == "none" else compression
-    }
-
-
-def test_an_open_bag_is_no_bag_yet(tmp_path: Path) -> None:
-    writer = BagWriter(tmp_path / "bag", BagConfig(flush_period=0.01))
-    writer.add_topic(TEXT)
-    writer.write("/chat", HELLO, 1, 1)
-    writer.flush()
-    assert not (tmp_path / "bag" / "metadata.yaml").exists()
-    with pytest.raises(FileNotFoundError):
-        Reader(tmp_path / "bag")
-    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:  # what was flushed can be saved
-        found = []
-        with pytest.raises(EndOfFile):
-            for entry in StreamReader(stream).records:
-                found.append(entry)
-    assert any(isinstance(entry, Message) for entry in found)
-    writer.close()
-    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
-        "bag_0.mcap",
-        "metadata.yaml",
-    ]
-
-
 class SmallDisk:
     """Stands in for `os.write` on a disk of limited size that the reserve takes space of."""
 
@@ -127,18 +77,6 @@ def test_a_full_disk_ends_in_a_clear_error_and_a_whole_bag(
     bag = Bag(tmp_path / "bag")
     bag.check()
     assert bag.message_count == writer.counts["/chat"] == len(list(bag.messages()))
-
-
-def test_a_disk_full_from_the_start_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def no_space(*_: object) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr(os, "posix_fallocate", no_space)
-    with pytest.raises(OutputError, match="No space left on device"):
-        BagWriter(tmp_path / "bag")
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_disk_that_is_nearly_full_ends_the_recording(

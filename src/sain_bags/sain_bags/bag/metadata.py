@@ -276,6 +276,26 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
     return metadata, files
 
 
+def find_parts(source: Path) -> tuple[Path, ...]:
+    """Return the MCAP files of a bag; of one that was not closed, also those it goes on with.
+
+    Raises:
+        DatasetError: there is no such file.
+    """
+    for path in (source, *sorted(source.glob("*.db3"))):
+        if path.is_file() and storage_of(path) != "mcap":
+            raise DatasetError(f"{path} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
+    if source.is_file():
+        return (source,)
+    files = mcap_files(source)
+    if not (source / METADATA_FILE).is_file():
+        files = (*mcap_files(earlier(source)), *files)
+    if not files:
+        what = f"; it {found}" if (found := describe(source)) else ""
+        raise DatasetError(f"there is no MCAP file at {source}{what}")
+    return files
+
+
 def storage_of(file: Path) -> str:
     """Return the storage of a file that is named alone, or of a bag; damage may hide it."""
     what = describe(file)

@@ -8,7 +8,8 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, TimeRemainingColumn
 
-from sain_bags.recovery import Recovered, find_parts, recover
+from sain_bags.bag.metadata import find_parts
+from sain_bags.recovery import Recovered, recover
 from sain_core.cli.terminal import transient_bar
 from sain_core.config import Config, required
 from sain_core.errors import DatasetError

@@ -8,7 +8,7 @@ Format: https://mcap.dev/spec.
 
 import struct
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import BytesIO
 from pathlib import Path
 from typing import IO, Final
@@ -43,16 +43,44 @@ MESSAGE: Final = np.dtype(  # a message record up to its data
         "formats": ("u1", "<u8", "<u2", "<u4", "<i8", "<i8"),
     }
 )
+SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
 MESSAGE_HEAD: Final = MESSAGE.itemsize - RECORD_HEAD  # [bytes], what its length counts of that
 
 
 @dataclass(frozen=True)
-class Messages:
-    """Messages of one chunk."""
+class Batch:
+    """Messages; entry i of each array is of the i-th."""
 
     data: ndarray  # (bytes,) uint8
-    heads: ndarray  # (M,) `MESSAGE`
-    starts: ndarray  # (M,) where in data their content begins
+    starts: ndarray  # (M,) where in data the message begins, in CDR with its encapsulation header
+    sizes: ndarray  # (M,) [bytes]
+    channels: ndarray  # (M,) number of its channel, in the file or in the bag
+    log_times: ndarray  # (M,) [ns since the epoch], received
+    publish_times: ndarray  # (M,) [ns since the epoch]
+    sequences: ndarray  # (M,) the publisher's count, 0: not known
+    ranks: ndarray  # (M,) which chunk it is from: breaks ties of log times
+
+    def __len__(self) -> int:
+        """Return how many messages there are."""
+        return len(self.starts)
+
+    def __getitem__(self, index: ndarray) -> "Batch":
+        """Return some of the messages, by a mask or by their places."""
+        _, *columns = vars(self).values()
+        return Batch(self.data, *(column[index] for column in columns))
+
+    def message(self, place: int) -> bytes:
+        """Return the bytes of one message."""
+        start = int(self.starts[place])
+        return self.data[start : start + int(self.sizes[place])].tobytes()
+
+    def compact(self) -> "Batch":
+        """Return the same messages without the data between them."""
+        ends = np.cumsum(self.sizes)
+        bounds = zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
+        parts = [self.data[start:end] for start, end in bounds]
+        data = np.concatenate(parts) if parts else self.data[:0]
+        return replace(self, data=data, starts=ends - self.sizes)
 
 
 class McapFile:
@@ -100,7 +128,7 @@ class McapFile:
             with opened(self.path):
                 raise McapError(f"it has more than {self.statistics.message_count} messages")
 
-    def read(self, chunk: ChunkIndex, channels: Collection[int]) -> Messages:
+    def read(self, chunk: ChunkIndex, channels: Collection[int], rank: int) -> Batch:
         """Read the messages of some channels, in the order of the file."""
         with opened(self.path) as stream:
             stream.seek(chunk.chunk_start_offset)
@@ -112,7 +140,9 @@ class McapFile:
             except (DatasetError, *DAMAGE) as error:
                 where = f"the chunk at byte {chunk.chunk_start_offset}"
                 raise McapError(f"{where}: {error}") from error
-            return _indexed(np.frombuffer(data, np.uint8), content, chunk, channels)
+            batch = _indexed(np.frombuffer(data, np.uint8), content, chunk, channels, rank)
+        sparse = SPARSE * int(batch.sizes.sum()) < len(batch.data)
+        return batch.compact() if sparse else batch
 
 
 def _check_chunks(chunks: list[ChunkIndex], size: int) -> None:
@@ -148,8 +178,8 @@ def _unpacked(content: bytes, index: ChunkIndex) -> bytes:
 
 
 def _indexed(
-    data: ndarray, content: bytes, chunk: ChunkIndex, channels: Collection[int]
-) -> Messages:
+    data: ndarray, content: bytes, chunk: ChunkIndex, channels: Collection[int], rank: int
+) -> Batch:
     """Pick the messages that the indexes name, when each is what its index says it is."""
     entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
     indexes = chunk.message_index_offsets
@@ -164,22 +194,33 @@ def _indexed(
     order = np.argsort(named["place"], kind="stable")
     named, owner = named[order], np.concatenate(owners)[order]
     places = named["place"].astype(np.int64)
-    found = _at(data, places)
-    right = np.array_equal(found.heads["log_time"], named["log_time"])
-    right &= np.array_equal(found.heads["channel"], owner)
+    heads = _heads(data, places)
+    right = np.array_equal(heads["log_time"], named["log_time"])
+    right &= np.array_equal(heads["channel"], owner)
     if not right or (np.diff(places) <= 0).any():
         raise McapError("the index of a chunk does not fit it")
-    return found
+    return Batch(
+        data,
+        places + MESSAGE.itemsize,
+        heads["length"].astype(np.int64) - MESSAGE_HEAD,
+        heads["channel"].astype(np.int64),
+        heads["log_time"].copy(),
+        heads["publish_time"].copy(),
+        heads["sequence"].copy(),
+        np.full(len(heads), rank),
+    )
 
 
-def _at(data: ndarray, places: ndarray) -> Messages:
-    """Return the messages that begin at these places."""
+def _heads(data: ndarray, places: ndarray) -> ndarray:
+    """Return the heads (M,) of the messages that begin at these places."""
     if not len(places):
-        return Messages(data, np.empty(0, MESSAGE), places)
+        return np.empty(0, MESSAGE)
     if places.min() < 0 or places.max() + MESSAGE.itemsize > len(data):
         raise McapError("a message is not inside its chunk")
     starts = len(data) - MESSAGE.itemsize + 1
-    heads = np.ndarray((starts,), MESSAGE, data, strides=(1,))[places]  # one at each byte: a view
+    heads: ndarray = np.ndarray((starts,), MESSAGE, data, strides=(1,))[
+        places
+    ]  # one at each byte: a view
     lengths = heads["length"].astype(np.int64)
     wrong = (heads["opcode"] != Opcode.MESSAGE) | (lengths < MESSAGE_HEAD)
     if (late := heads["log_time"] < 0).any():
@@ -190,4 +231,4 @@ def _at(data: ndarray, places: ndarray) -> Messages:
         )
     if wrong.any() or (places + RECORD_HEAD + lengths > len(data)).any():
         raise McapError("a message is not inside its chunk")
-    return Messages(data, heads, places + MESSAGE.itemsize)
+    return heads

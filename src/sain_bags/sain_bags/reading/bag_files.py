@@ -13,49 +13,12 @@ from mcap.records import Channel, ChunkIndex, Schema
 from numpy import ndarray
 
 from sain_bags.bag.definition_check import check_definition, check_version
-from sain_bags.mcap.mcap_file import CHANNELS, McapFile, Messages
+from sain_bags.mcap.mcap_file import CHANNELS, Batch, McapFile
 from sain_core.errors import DatasetError
 
 NEVER: Final = (1 << 63) - 1  # [ns], later than every message
-SPARSE: Final = 4  # times as much data as messages: it is not kept for these few
 BATCH_SIZE: Final = 8 << 20  # [bytes], messages are handed on from here
 BATCH_CHUNKS: Final = 256  # or with so many read, where little is wanted of each
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Messages; entry i of each array is of the i-th."""
-
-    data: ndarray  # (bytes,) uint8
-    starts: ndarray  # (M,) where in data the message begins, in CDR with its encapsulation header
-    sizes: ndarray  # (M,) [bytes]
-    channels: ndarray  # (M,) number of its channel in the bag
-    log_times: ndarray  # (M,) [ns since the epoch], received
-    publish_times: ndarray  # (M,) [ns since the epoch]
-    sequences: ndarray  # (M,) the publisher's count, 0: not known
-    ranks: ndarray  # (M,) which chunk of the bag it is from: breaks ties of log times
-
-    def __len__(self) -> int:
-        """Return how many messages there are."""
-        return len(self.starts)
-
-    def __getitem__(self, index: ndarray) -> "Batch":
-        """Return some of the messages, by a mask or by their places."""
-        _, *columns = vars(self).values()
-        return Batch(self.data, *(column[index] for column in columns))
-
-    def message(self, place: int) -> bytes:
-        """Return the bytes of one message."""
-        start = int(self.starts[place])
-        return self.data[start : start + int(self.sizes[place])].tobytes()
-
-    def compact(self) -> "Batch":
-        """Return the same messages without the data between them."""
-        ends = np.cumsum(self.sizes)
-        bounds = zip(self.starts.tolist(), (self.starts + self.sizes).tolist(), strict=True)
-        parts = [self.data[start:end] for start, end in bounds]
-        data = np.concatenate(parts) if parts else self.data[:0]
-        return replace(self, data=data, starts=ends - self.sizes)
 
 
 @dataclass(frozen=True)
@@ -155,12 +118,12 @@ class BagFiles:
         totals = [0] * len(wanted)
         for (chunk, number, rank), limit in zip(places, limits, strict=True):
             file = self._files[number]
-            messages = file.read(chunk, wanted[number].keys())
-            found = np.bincount(messages.heads["channel"])
+            batch = file.read(chunk, wanted[number].keys(), rank)
+            found = np.bincount(batch.channels)
             counts[number][: len(found)] += found
-            totals[number] += len(messages.heads)
+            totals[number] += len(batch)
             file.limit_messages(totals[number])
-            yield limit, make_batch(messages, tables[number], rank)
+            yield limit, replace(batch, channels=tables[number][batch.channels])
 
     def _wanted(
         self, file: int, topics: Collection[str] | None, types: Collection[str] | None
@@ -179,23 +142,6 @@ def _table(numbers: dict[int, int]) -> ndarray:
     table = np.zeros(CHANNELS, dtype=np.int64)
     table[list(numbers)] = list(numbers.values())
     return table
-
-
-def make_batch(messages: Messages, channels: ndarray, rank: int) -> Batch:
-    """Return the messages of one chunk; `channels` has their numbers in the bag."""
-    heads = messages.heads
-    batch = Batch(
-        messages.data,
-        messages.starts,
-        heads["length"].astype(np.int64) - 22,
-        channels[heads["channel"]],
-        heads["log_time"].copy(),
-        heads["publish_time"].copy(),
-        heads["sequence"].copy(),
-        np.full(len(heads), rank),
-    )
-    sparse = SPARSE * int(batch.sizes.sum()) < len(batch.data)
-    return batch.compact() if sparse else batch
 
 
 def in_order(chunks: Iterable[tuple[int, Batch]]) -> Iterator[Batch]:

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.reading.bag_files import Batch
+from sain_bags.mcap.mcap_file import Batch
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.tables import POSE_NAMES, MessageTable, TableReader
 from sain_bags.rows.topics import BODIES, GOAL, WORLD, topics_of

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.reading.bag_files import Batch
+from sain_bags.mcap.mcap_file import Batch
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.tables import Elements, MessageTable, TableReader
 from sain_bags.rows.topics import PUSH_RESULT, topics_of

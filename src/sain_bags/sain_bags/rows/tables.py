@@ -13,7 +13,8 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.bag.layouts import SCALAR, TEXT, Layout, MessageTypes, find_layout, read_types
-from sain_bags.reading.bag_files import BagChannel, Batch
+from sain_bags.mcap.mcap_file import Batch
+from sain_bags.reading.bag_files import BagChannel
 from sain_bags.reading.reader import Bag
 from sain_core.errors import DatasetError
 from sain_core.scene import STATE_NAMES
