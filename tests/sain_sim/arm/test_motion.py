@@ -13,15 +13,16 @@ from sain_core.errors import ErrorCode, UnreachableError
 from sain_core.feasibility import Reach
 from sain_core.push import TOOL_RADIUS
 from sain_sim.arm.client import Client
-from sain_sim.arm.motion import FLANGE_DROP, LOWER_LIMITS, UPPER_LIMITS, MotionConfig, trapezoid
-from sain_sim.arm.panda import (
-    BASE_FRAME,
-    JOINT_NAMES,
-    ArmConfig,
-    PandaModel,
-    describe_arm,
-    links_of,
+from sain_sim.arm.motion import (
+    FLANGE_DROP,
+    LOWER_LIMITS,
+    TIME_STEP,
+    TOOL_LENGTH,
+    UPPER_LIMITS,
+    stroke_tips,
+    trapezoid,
 )
+from sain_sim.arm.panda import BASE_FRAME, JOINT_NAMES, PandaModel, describe_arm, links_of
 from sain_sim.engines.bullet_cell import STICK_LINK
 from sain_sim.world.workcell import WorldConfig
 
@@ -43,27 +44,25 @@ def test_joints_hold_the_tip_where_it_was_asked_for(radius, bearing, height):
 
 
 def test_the_whole_described_reach_can_be_taken_low_and_raised():
-    motion = MotionConfig()
     radius, bearing, height = np.meshgrid(
         np.linspace(REACH.inner, REACH.outer, 60),
         np.linspace(-REACH.max_bearing, REACH.max_bearing, 9),
-        [motion.tip_height, motion.raised],
+        [MOTION.tip_height, MOTION.raised],
     )
     tips = np.stack([radius * np.cos(bearing), radius * np.sin(bearing), height], axis=-1)
     assert KINEMATICS.joints(tips).shape == (9, 60, 2, 7)
 
 
 def test_bullet_puts_the_tip_where_the_formulas_do():
-    config = ArmConfig()
     client = Client()
-    body = PandaModel(TOOL_RADIUS, config).load(client, KINEMATICS.base_height)
+    body = PandaModel(TOOL_RADIUS).load(client, KINEMATICS.base_height)
     tips = np.array([[0.5, 0.2, 0.012], [0.22, -0.1, 0.05], [0.0, 0.6, 0.092], [0.7, 0.1, 0.02]])
     for tip in tips:
         for joint, value in enumerate(KINEMATICS.joints(tip)):
             client.resetJointState(body, joint, value)
         state = client.getLinkState(body, STICK_LINK, computeForwardKinematics=True)
         turn = np.reshape(client.getMatrixFromQuaternion(state[5]), (3, 3))
-        drop = FLANGE_DROP + config.tool_length
+        drop = FLANGE_DROP + TOOL_LENGTH
         assert np.allclose(turn[:, 2], [0, 0, -1], atol=1e-5)  # the tool is vertical
         assert np.allclose(state[4] + drop * turn[:, 2], tip, atol=1e-5)
     client.close()
@@ -84,23 +83,23 @@ def test_a_pose_that_cannot_be_taken_is_named_with_its_reason(tip, reason):
     assert caught.value.code is ErrorCode.UNREACHABLE
 
 
-MOTION, SPEED = MotionConfig(), 0.2  # [m/s]
+MOTION, SPEED = WorldConfig().motion, 0.2  # [m/s]
 
 
 @given(st.floats(1e-6, 0.5))
 def test_a_profile_goes_from_rest_to_rest_inside_its_limits(length):
-    way = trapezoid(length, SPEED, MOTION.acceleration, MOTION.time_step)
+    way = trapezoid(length, SPEED, MOTION.acceleration)
     assert way[0] == 0.0
     assert np.isclose(way[-1], length, rtol=1e-12)
     steps = np.diff(way)
     assert (steps >= -1e-15).all()
-    assert steps.max() <= SPEED * MOTION.time_step + 1e-12
-    limit = MOTION.acceleration * MOTION.time_step**2
+    assert steps.max() <= SPEED * TIME_STEP + 1e-12
+    limit = MOTION.acceleration * TIME_STEP**2
     assert np.abs(np.diff(steps, prepend=0.0, append=0.0)).max() <= limit + 1e-12
 
 
 def test_a_stroke_is_straight_and_low():
-    tips = MOTION.stroke(np.array([0.4, 0.1]), np.array([0.5, -0.02]), SPEED)
+    tips = stroke_tips(MOTION, np.array([0.4, 0.1]), np.array([0.5, -0.02]), SPEED)
     assert np.allclose(tips[0], [0.4, 0.1, MOTION.tip_height])
     assert np.allclose(tips[-1], [0.5, -0.02, MOTION.tip_height])
     way = (tips[-1] - tips[0])[:2]
@@ -108,12 +107,12 @@ def test_a_stroke_is_straight_and_low():
     assert np.allclose(way[0] * offset[:, 1], way[1] * offset[:, 0], atol=1e-12)
 
 
-RADIUS, LENGTH = 0.012, 0.22
+RADIUS = 0.012
 
 
 @pytest.fixture(scope="module")
 def description():
-    return describe_arm(RADIUS, LENGTH)
+    return describe_arm(RADIUS)
 
 
 def pose_of(description, joints):

@@ -12,6 +12,7 @@ from sain_core.feasibility import Stroke
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
 from sain_core.shapes.bodies import Role
 from sain_core.world import DivergedError
+from sain_sim.arm.panda import TORQUE_SCALE
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.truth import TruthConfig
@@ -20,7 +21,7 @@ from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
-from sain_sim.engines.mujoco_description import SERVO_STIFFNESS, physics_steps
+from sain_sim.engines.mujoco_description import PHYSICS_STEPS, SERVO_STIFFNESS
 
 NOMINAL = nominal_parameters()
 LIMIT = 1e-3  # [m]
@@ -34,9 +35,9 @@ def cell_world():
 
 def test_numbers_are_those_of_the_sources(cell_world):
     model = cell_world._cell._model
-    assert model.opt.timestep * physics_steps(1 / 240) == pytest.approx(1 / 240)
+    assert model.opt.timestep * PHYSICS_STEPS == pytest.approx(1 / 240)
     assert model.opt.timestep <= 0.002
-    scale = cell_world.config.arm.torque_scale
+    scale = TORQUE_SCALE
     assert np.allclose(model.actuator_forcerange[:, 1], scale * np.array([87] * 4 + [12] * 3))
     assert np.allclose(model.actuator_gainprm[:, 0], scale * SERVO_STIFFNESS)
     assert np.allclose(model.opt.gravity, [0.0, 0.0, -GRAVITY])

@@ -12,6 +12,7 @@ from sain_core.push import SPEED, make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Y, is_settled, unit
 from sain_core.shapes.solids import DISK
 from sain_core.world import DivergedError, check_possible
+from sain_sim.arm.motion import TIME_STEP
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior
 from sain_sim.world.start import paper_start
@@ -52,7 +53,7 @@ def test_the_tool_travels_at_the_speed_of_the_push(world, bench, speed):
     push[SPEED] = speed
     world.push(push, on_step=seen.append)
     tool = np.array([sample.commanded_tool for sample in seen if sample.phase == "push"])
-    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1) / world.config.motion.time_step
+    steps = np.linalg.norm(np.diff(tool, axis=0), axis=1) / TIME_STEP
     assert steps.max() == pytest.approx(speed, rel=0.02)
 
 

@@ -1,4 +1,4 @@
-"""What the driver of an arm is started with."""
+"""How a tool moves, in simulation and in steel, and what the driver of an arm is started with."""
 
 from dataclasses import dataclass
 
@@ -19,9 +19,6 @@ class MotionConfig(Config):
     )
     travel_speed: float = option(0.5, "out of contact", unit="m/s", minimum=0.01, maximum=2.0)
     acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=20.0)
-    withdrawal: float = option(
-        0.005, "backwards at the end of a stroke, before the lift", unit="m", maximum=0.05
-    )
 
     @property
     def raised(self) -> float:

@@ -30,6 +30,7 @@ SPACING: Final = 0.01  # [m] between points of a way
 ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
 BRANCHES: Final = 6  # drawn at random
 SAME: Final = 0.1  # [rad], within which two ways end in one posture
+WITHDRAWAL: Final = 0.005  # [m], backwards at the end of a stroke, before the lift
 LEAST_SHARE: Final = 0.98  # of a stroke's speed that the joints must allow
 
 
@@ -161,7 +162,7 @@ class PushPlanner:
         """Return the joints of a stroke in the branch that joints (J,) lead to, checked."""
         config = self.config
         start, end = stroke.start, stroke.end
-        back = end - min(config.withdrawal, stroke.length) * unit(np.asarray(stroke.heading))
+        back = end - min(WITHDRAWAL, stroke.length) * unit(np.asarray(stroke.heading))
         low, high = config.tip_height, config.raised
         points = [
             np.array([*place, height])

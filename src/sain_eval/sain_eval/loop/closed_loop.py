@@ -25,7 +25,7 @@ from sain_mppi.agent.planning import Decider
 from sain_mppi.agent.play import Sight, play
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world
-from sain_sim.world.workcell import Sample
+from sain_sim.world.workcell import Sample, steps_of
 from sain_sim.world.world import CheckedWorld
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ class CameraSight(Sight):
         if camera is None:
             return self.world.push(push).after
         watched = camera.config.delay > 0.0  # else frames of moving bodies are never of use
-        every = self.world.config.steps_of(camera.period)
+        every = steps_of(camera.period)
         outcome = self.world.push(push, self._watch if watched else None, every, seen)
         camera.count_push()
         return outcome.after

@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_core.config import Config, option
+from sain_arm.planning.arm_config import MotionConfig
 from sain_core.errors import UnreachableError
 
 SHOULDER_HEIGHT: Final = 0.333  # [m] above the base
@@ -25,6 +25,8 @@ ELBOW_OFFSET: Final = 0.0825  # [m], forward on the upper arm, back on the forea
 FOREARM: Final = 0.384  # [m]
 WRIST_OFFSET: Final = 0.088  # [m], from the wrist forward to the flange's axis
 FLANGE_DROP: Final = 0.107  # [m], from the wrist down to the flange
+TOOL_LENGTH: Final = 0.22  # [m], from the flange down to the tip
+TIME_STEP: Final = 1 / 240  # [s], of control
 
 LOWER_LIMITS: Final = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973])
 UPPER_LIMITS: Final = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
@@ -44,11 +46,9 @@ class Kinematics:
 
     Attributes:
         base_height: z of the arm's base in the world [m].
-        tool_length: from the flange down to the tip [m].
     """
 
     base_height: float
-    tool_length: float
 
     def tips(self, joints: Joints) -> Tips:
         """Return the tips (..., 3) [m] of a vertical tool for joints (..., 7)."""
@@ -94,7 +94,7 @@ class Kinematics:
     @property
     def _wrist_origin(self) -> float:
         """Height [m] of the tip when the wrist is level with the shoulder."""
-        return self.base_height + SHOULDER_HEIGHT - FLANGE_DROP - self.tool_length
+        return self.base_height + SHOULDER_HEIGHT - FLANGE_DROP - TOOL_LENGTH
 
 
 def _corner(beside: float, span: ndarray, opposite: float) -> ndarray:
@@ -117,71 +117,47 @@ REST: Final = np.zeros(JOINT_COUNT)
 AT_REST: Final = [0.0] * JOINT_COUNT
 
 
-@dataclass(frozen=True)
-class MotionConfig(Config):
-    """Speeds and heights of the tool; a push has its own speed."""
-
-    travel_speed: float = option(0.5, "speed out of contact", unit="m/s", minimum=0.01, maximum=1.5)
-    acceleration: float = option(4.0, "acceleration", unit="m/s^2", minimum=0.1, maximum=20.0)
-    tip_height: float = option(
-        0.008,
-        "height of the tool's tip above the table during a push",
-        unit="m",
-        minimum=0.002,
-        maximum=0.02,
-    )
-    lift: float = option(
-        0.08, "height of the tip above that between pushes", unit="m", minimum=0.04, maximum=0.2
-    )
-    time_step: float = option(1 / 240, "control and physics step", unit="s", minimum=1e-4)
-
-    @property
-    def raised(self) -> float:
-        """Height [m] of the tip between pushes."""
-        return self.tip_height + self.lift
-
-    def stroke(self, start: ndarray, end: ndarray, speed: float) -> Tips:
-        """Return the tips (T, 3) of a push from start (2,) to end (2,) [m], at a speed [m/s]."""
-        low_start, low_end = (np.array([*place, self.tip_height]) for place in (start, end))
-        return self.line(low_start, low_end, speed)
-
-    def line(self, start: ndarray, end: ndarray, speed: float | None = None) -> Tips:
-        """Return the tips (T, 3) on a straight line from start (3,) to end (3,) [m]."""
-        way = end - start
-        length = float(np.linalg.norm(way))
-        share = self._share(length, speed or self.travel_speed)
-        return np.asarray(start + share[:, None] * way)
-
-    def arc(self, start: ndarray, end: ndarray) -> Tips:
-        """Return the tips (T, 3) on a spiral about the base from start (3,) to end (3,) [m].
-
-        Distance and bearing change evenly, so the way never comes nearer to the base, or goes
-        farther from it, than its two ends.
-        """
-        near, far = (
-            np.array([np.hypot(*p[:2]), np.arctan2(p[1], p[0]), p[2]]) for p in (start, end)
-        )
-        turn = far - near
-        length = float(np.linalg.norm([turn[0], turn[1] * max(near[0], far[0]), turn[2]]))
-        radius, bearing, height = (near + self._share(length, self.travel_speed)[:, None] * turn).T
-        return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), height], axis=-1)
-
-    def _share(self, length: float, speed: float) -> ndarray:
-        """Return the shares (T,) of a way that are done after 0, 1, 2 .. control steps."""
-        if length == 0.0:
-            return np.ones(1)
-        return trapezoid(length, speed, self.acceleration, self.time_step) / length
+def stroke_tips(motion: MotionConfig, start: ndarray, end: ndarray, speed: float) -> Tips:
+    """Return the tips (T, 3) of a push from start (2,) to end (2,) [m], at a speed [m/s]."""
+    low_start, low_end = (np.array([*place, motion.tip_height]) for place in (start, end))
+    return line(motion, low_start, low_end, speed)
 
 
-def trapezoid(length: float, speed: float, acceleration: float, time_step: float) -> Progress:
-    """Return the distances (T,) [m] done after each step of a trapezoidal speed profile.
+def line(motion: MotionConfig, start: ndarray, end: ndarray, speed: float | None = None) -> Tips:
+    """Return the tips (T, 3) on a straight line from start (3,) to end (3,) [m]."""
+    way = end - start
+    share = _share(float(np.linalg.norm(way)), speed or motion.travel_speed, motion)
+    return np.asarray(start + share[:, None] * way)
+
+
+def arc(motion: MotionConfig, start: ndarray, end: ndarray) -> Tips:
+    """Return the tips (T, 3) on a spiral about the base from start (3,) to end (3,) [m].
+
+    Distance and bearing change evenly, so the way never comes nearer to the base, or goes
+    farther from it, than its two ends.
+    """
+    near, far = (np.array([np.hypot(*p[:2]), np.arctan2(p[1], p[0]), p[2]]) for p in (start, end))
+    turn = far - near
+    length = float(np.linalg.norm([turn[0], turn[1] * max(near[0], far[0]), turn[2]]))
+    share = _share(length, motion.travel_speed, motion)
+    radius, bearing, height = (near + share[:, None] * turn).T
+    return np.stack([radius * np.cos(bearing), radius * np.sin(bearing), height], axis=-1)
+
+
+def _share(length: float, speed: float, motion: MotionConfig) -> ndarray:
+    """Return the shares (T,) of a way that are done after 0, 1, 2 .. control steps."""
+    return trapezoid(length, speed, motion.acceleration) / length if length else np.ones(1)
+
+
+def trapezoid(length: float, speed: float, acceleration: float) -> Progress:
+    """Return the distances (T,) [m] done after each control step of a trapezoidal speed profile.
 
     From rest to rest; short ways never reach the full speed. Starts at 0, ends at the length.
     """
     ramp = min(speed, np.sqrt(length * acceleration)) / acceleration  # [s]
     top = ramp * acceleration
     duration = length / top + ramp
-    times = np.minimum(np.arange(int(np.ceil(duration / time_step)) + 1) * time_step, duration)
+    times = np.minimum(np.arange(int(np.ceil(duration / TIME_STEP)) + 1) * TIME_STEP, duration)
     left = duration - times
     speeding = 0.5 * acceleration * times**2
     cruising = top * (times - 0.5 * ramp)
@@ -190,11 +166,13 @@ def trapezoid(length: float, speed: float, acceleration: float, time_step: float
 
 
 class ControlledArm(ABC):
-    """An arm whose base is in the world's axis, below the table top."""
+    """An arm whose base is in the world's axis, below the table top.
 
-    def __init__(self, kinematics: Kinematics, time_step: float) -> None:
-        """Control an arm; each command holds for one time_step [s]."""
-        self._time_step = time_step
+    Each command holds for one control step.
+    """
+
+    def __init__(self, kinematics: Kinematics) -> None:
+        """Control an arm."""
         self.kinematics = kinematics
         self.target = REST
 
@@ -226,7 +204,7 @@ class ControlledArm(ABC):
         The motors get the angle of now and the speed that leads to the next: a feed-forward
         that leaves the gain only disturbances to undo.
         """
-        speeds = np.diff(joints, axis=0) / self._time_step  # (T - 1, 7)
+        speeds = np.diff(joints, axis=0) / TIME_STEP  # (T - 1, 7)
         commands = zip(joints[:-1].tolist(), speeds.tolist(), strict=True)
         for step, command in enumerate(commands):
             self.command(*command)

@@ -1,4 +1,4 @@
-"""The Panda with its stick: its settings, and its description, made of that of ``pybullet_data``.
+"""The Panda with its stick: its description, made of that of ``pybullet_data``.
 
 Hand, closed fingers and stick become part of the last link, so the arm has seven links and
 seven joints and nothing else. Only the stick's round end collides: nothing else of the arm comes
@@ -8,17 +8,15 @@ stick is rigid, also where a spring holds it in the simulation: each joint has a
 """
 
 import xml.etree.ElementTree as ElementTree
-from dataclasses import dataclass
 from math import cos, pi, sin
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import pybullet_data
 
-from sain_core.config import Config, option
 from sain_core.scratch import scratch_folder
 from sain_sim.arm.client import Client
-from sain_sim.arm.motion import FLANGE_DROP, JOINT_COUNT
+from sain_sim.arm.motion import FLANGE_DROP, JOINT_COUNT, TOOL_LENGTH
 
 PANDA_FOLDER: Final = Path(pybullet_data.getDataPath()) / "franka_panda"
 LAST_LINK: Final = "panda_link7"
@@ -43,15 +41,20 @@ FINGER_DROP: Final = 0.0584  # [m], from hand to finger, stock URDF
 JOINT_NAMES: Final = tuple(f"panda_joint{index}" for index in range(1, JOINT_COUNT + 1))
 BASE_FRAME: Final = "panda_link0"
 TOOL_FRAME: Final = "panda_tool"  # at the stick's tip
+TORQUE_SCALE: Final = 20.0  # of joint torque limits and MuJoCo's servos, over Franka's
+# Rotors turn a hundred times faster than the joints behind their gears, so an arm resists a
+# knock with far more than its links. Bullet has no rotors, and its solver does not converge
+# for light links that push heavy disks: the tool deviated, depending on the arm's pose.
+BULLET_INERTIA: Final = 20.0  # of the links, over Franka's
 STOCK_INERTIA: Final = 1.0
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]  # x, y, z, w
 
 
 def panda_with_stick(
-    radius: float, length: float, inertia_scale: float, visuals: bool, sprung: bool = False
+    radius: float, inertia_scale: float, visuals: bool, sprung: bool = False
 ) -> str:
-    """Return the URDF of a Panda with a stick of this radius and length [m] below its flange.
+    """Return the URDF of a Panda with a stick of this radius [m] below its flange.
 
     Masses and inertias are a multiple of the stock ones. Without visuals a world builds faster.
     A sprung stick slides across its axis, along two more joints.
@@ -67,10 +70,10 @@ def panda_with_stick(
             _remove(link, "inertial")
             link.extend(_hand(radius))
             if not sprung:
-                link.extend(_stick(FLANGE_DROP, radius, length))
+                link.extend(_stick(FLANGE_DROP, radius))
         _scale_inertia(link, inertia_scale)
     if sprung:
-        robot.extend(_slides(radius, length))
+        robot.extend(_slides(radius))
     if not visuals:
         _hide(robot)
     for mesh in robot.iter("mesh"):
@@ -111,9 +114,9 @@ def _hand(radius: float) -> ElementTree.Element:
     </parts>""")
 
 
-def _stick(drop: float, radius: float, length: float) -> ElementTree.Element:
+def _stick(drop: float, radius: float) -> ElementTree.Element:
     """Return a stick with a round end that begins so far below a link's origin [m]."""
-    shaft = length - radius  # down to the middle of the ball
+    shaft = TOOL_LENGTH - radius  # down to the middle of the ball
     stick = f'<geometry><cylinder radius="{radius}" length="{shaft}"/></geometry>'
     middle = f'<origin xyz="0 0 {drop + shaft / 2}"/>'
     ball = f'<geometry><sphere radius="{radius}"/></geometry>'
@@ -127,7 +130,7 @@ def _stick(drop: float, radius: float, length: float) -> ElementTree.Element:
     </parts>""")
 
 
-def _slides(radius: float, length: float) -> ElementTree.Element:
+def _slides(radius: float) -> ElementTree.Element:
     """Return two joints across the flange's axis and the links behind them, the stick last."""
     limit = f'<limit lower="-{SLIDE_RANGE}" upper="{SLIDE_RANGE}" effort="1e4" velocity="10"/>'
     parts = ElementTree.fromstring(f"""<parts>
@@ -136,13 +139,13 @@ def _slides(radius: float, length: float) -> ElementTree.Element:
         <parent link="{LAST_LINK}"/><child link="slide"/>
         <origin xyz="0 0 {FLANGE_DROP}"/><axis xyz="1 0 0"/>{limit}
       </joint>
-      <link name="stick">{_inertial(SPRUNG_MASS, SPRUNG_MASS / 100, length / 2)}</link>
+      <link name="stick">{_inertial(SPRUNG_MASS, SPRUNG_MASS / 100, TOOL_LENGTH / 2)}</link>
       <joint name="slide_y" type="prismatic">
         <parent link="slide"/><child link="stick"/><axis xyz="0 1 0"/>{limit}
       </joint>
     </parts>""")
     stick = next(link for link in parts.iter("link") if link.get("name") == "stick")
-    stick.extend(_stick(0.0, radius, length))
+    stick.extend(_stick(0.0, radius))
     return parts
 
 
@@ -162,62 +165,14 @@ def _mesh(name: str, position: tuple[float, float, float], yaw: float) -> str:
       </visual>"""
 
 
-@dataclass(frozen=True)
-class ArmConfig(Config):
-    """How the arm is built and controlled.
-
-    `gain` and `inertia_scale` are for Bullet alone. In MuJoCo, `torque_scale` is also the stiffness
-    of the servos, as a multiple of that in MuJoCo Menagerie.
-    """
-
-    tool_length: float = option(
-        0.22, "distance from the flange to the tip", unit="m", minimum=0.15, maximum=0.4
-    )
-    gain: float = option(
-        0.6, "share of a position error that a step corrects", minimum=0.05, maximum=1.0
-    )
-    torque_scale: float = option(
-        20.0, "joint torque limits, as a multiple of Franka's", minimum=0.1, maximum=100.0
-    )
-    # Rotors turn a hundred times faster than the joints behind their gears, so an arm resists a
-    # knock with far more than its links. Bullet has no rotors, and its solver does not converge
-    # for light links that push heavy disks: the tool deviated, depending on the arm's pose.
-    inertia_scale: float = option(
-        20.0, "inertia of the links, as a multiple of Franka's", minimum=0.1, maximum=1000.0
-    )
-    tool_stiffness: float = option(
-        0.0,
-        "stiffness of the spring that holds the stick; 0: rigid",
-        unit="N/m",
-        minimum=0.0,
-        maximum=2e4,
-    )
-    tool_torque_scale: float = option(
-        0.0,
-        "joint torque limits for a stick on a spring, as a multiple of Franka's; 0: none",
-        minimum=0.0,
-        maximum=100.0,
-    )
-
-
 class PandaModel:
     """The robot description on disk, for as long as this object lives, and how to load it."""
 
-    def __init__(self, tool_radius: float, config: ArmConfig, visuals: bool = False) -> None:
+    def __init__(self, tool_radius: float, visuals: bool = False, sprung: bool = False) -> None:
         """Write the URDF of a Panda with this stick [m]; visuals are meshes for pictures."""
-        self.config = config
-        self.tool_radius = tool_radius
         self._folder = scratch_folder("panda")
         self._path = Path(self._folder.name) / "panda.urdf"
-        self._path.write_text(
-            panda_with_stick(
-                tool_radius,
-                config.tool_length,
-                config.inertia_scale,
-                visuals,
-                sprung=config.tool_stiffness > 0.0,
-            )
-        )
+        self._path.write_text(panda_with_stick(tool_radius, BULLET_INERTIA, visuals, sprung))
 
     def load(self, client: Client, base_height: float) -> int:
         """Load the arm with its base at z = base_height [m] and return its body."""
@@ -244,16 +199,16 @@ class Link(NamedTuple):
         return c * x + s * y, c * y - s * x, c * z + s * w, c * w - s * z
 
 
-def describe_arm(tool_radius: float, tool_length: float) -> str:
-    """Return the URDF of a Panda with a stick of this radius and length [m], for viewers.
+def describe_arm(tool_radius: float) -> str:
+    """Return the URDF of a Panda with a stick of this radius [m], for viewers.
 
     Meshes are ``file://``, and the stick's tip is a link of its own.
     """
-    text = panda_with_stick(tool_radius, tool_length, STOCK_INERTIA, visuals=True)
+    text = panda_with_stick(tool_radius, STOCK_INERTIA, visuals=True)
     robot = ElementTree.fromstring(text)
     for mesh in robot.iter("mesh"):
         mesh.set("filename", f"file://{mesh.get('filename')}")
-    tip = FLANGE_DROP + tool_length
+    tip = FLANGE_DROP + TOOL_LENGTH
     robot.extend(
         ElementTree.fromstring(f"""<parts>
           <link name="{TOOL_FRAME}"/>

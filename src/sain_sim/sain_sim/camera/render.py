@@ -24,7 +24,7 @@ from sain_core.types import Points, Scene
 from sain_core.view.scenes import colours_of
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.motion import Joints, Kinematics
-from sain_sim.arm.panda import JOINT_COUNT, ArmConfig, PandaModel
+from sain_sim.arm.panda import JOINT_COUNT, PandaModel
 from sain_sim.camera.scenery import (
     OFF_STAGE,
     Caster,
@@ -82,7 +82,6 @@ class Renderer(Closeable):
         shapes: tuple[str, ...] | None = None,
         camera: CameraConfig = CameraConfig(),
         table: Table = Table(),
-        arm: ArmConfig = ArmConfig(),
         gui: bool = False,
         marked: bool = True,
     ) -> None:
@@ -95,7 +94,7 @@ class Renderer(Closeable):
         self._client = Client(gui)
         self._client.configureDebugVisualizer(self._client.COV_ENABLE_GUI, 0)
         self._table_top = build_table(self._client, table)
-        model = PandaModel(TOOL_RADIUS, arm, visuals=True)
+        model = PandaModel(TOOL_RADIUS, visuals=True)
         self._arm = model.load(self._client, -table.height)
         shapes = shapes or (DISK,) * len(scene)
         colours = colours_of(Bodies.named(shapes))
@@ -104,7 +103,7 @@ class Renderer(Closeable):
             for colour, shape, state in zip(colours, shapes, scene, strict=True)
         ]
         self._goals: dict[float, int] = {}
-        self._kinematics = Kinematics(-table.height, arm.tool_length)
+        self._kinematics = Kinematics(-table.height)
         self._projection = self._client.computeProjectionMatrixFOV(
             camera.field_of_view, camera.width / camera.height, NEAR, FAR
         )
@@ -236,7 +235,6 @@ def image_camera(
     scene: Scene,
     shapes: tuple[str, ...],
     table: Table = Table(),
-    arm: ArmConfig = ArmConfig(),
 ) -> ImageCamera:
     """Return a camera over a Panda and bodies of these shapes, as large as in a scene (N, 8).
 
@@ -255,7 +253,7 @@ def image_camera(
     )
     size = config.tag_size
     tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(scene))]
-    renderer = Renderer(scene, shapes, place, table, arm, marked=False)
+    renderer = Renderer(scene, shapes, place, table, marked=False)
     return ImageCamera(config, renderer, tags)
 
 
@@ -286,8 +284,8 @@ class Window:
             ConfigError: there is no display.
         """
         self.close()
-        table, arm = config.feasibility.table, config.arm
-        self._renderer = Renderer(sample.scene, shapes, table=table, arm=arm, gui=True)
+        table = config.feasibility.table
+        self._renderer = Renderer(sample.scene, shapes, table=table, gui=True)
         self.show(sample)
 
     def show(self, sample: Sample) -> None:

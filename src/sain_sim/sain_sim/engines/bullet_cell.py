@@ -12,13 +12,15 @@ from sain_sim.arm.motion import (
     FLANGE_DROP,
     JOINT_COUNT,
     STOCK_TORQUE,
+    TIME_STEP,
+    TOOL_LENGTH,
     WRIST_OFFSET,
     ControlledArm,
     Joints,
     Kinematics,
     Tips,
 )
-from sain_sim.arm.panda import SPRUNG_MASS, ArmConfig, PandaModel
+from sain_sim.arm.panda import SPRUNG_MASS, TORQUE_SCALE, PandaModel
 from sain_sim.engines.bullet_bodies import Body, BodyState, resting, unseen_shape
 from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
 from sain_sim.world.workcell import (
@@ -34,6 +36,9 @@ from sain_sim.world.workcell import (
 STICK_LINK: Final = 6  # the stick is part of the last link
 JOINTS: Final = range(JOINT_COUNT)
 UNIT_GAINS: Final = [1.0] * JOINT_COUNT
+GAINS: Final = [0.6] * JOINT_COUNT  # share of a position error that a step corrects
+TORQUES: Final = (TORQUE_SCALE * STOCK_TORQUE).tolist()
+WEAKEST: Final = float(STOCK_TORQUE.min())
 SLIDES: Final = (7, 8)  # joints of a spring, and the links behind them; the stick is the second
 ALL_JOINTS: Final = range(9)  # the arm's and the slides
 REST: Final = [0.0] * len(ALL_JOINTS)
@@ -49,24 +54,15 @@ class ToolSpring:
     """
 
     def __init__(
-        self,
-        client: Client,
-        body: int,
-        stiffness: float,
-        torques: Joints,
-        length: float,
-        radius: float,
+        self, client: Client, body: int, stiffness: float, limited: bool, radius: float
     ) -> None:
-        """Hold the stick of a loaded arm, of this length from the flange and this radius [m].
+        """Hold the stick of a loaded arm, of this radius [m], by a spring [N/m].
 
-        The spring [N/m] asks no more of the arm's joints than torques (7,) [N m]; zeros: any.
+        If it is limited, it asks no more of the arm's joints than Franka's torques.
         """
-        self._client = client
-        self._torques = torques
-        self._limited = bool(torques.any())
-        self._weakest = float(torques.min())
-        self._contact = [0.0, 0.0, (length - 2 * radius) / 2]  # from the stick's link
-        self._hang = hypot(WRIST_OFFSET, FLANGE_DROP + length)  # from the wrist to the tip [m]
+        self._client, self._limited = client, limited
+        self._contact = [0.0, 0.0, (TOOL_LENGTH - 2 * radius) / 2]  # from the stick's link
+        self._hang = hypot(WRIST_OFFSET, FLANGE_DROP + TOOL_LENGTH)  # from wrist to tip [m]
         self._body = body
         self._stiffness = stiffness
         self._damping = DAMPING * 2.0 * sqrt(stiffness * SPRUNG_MASS)
@@ -101,7 +97,7 @@ class ToolSpring:
         The weakest joints are the wrist's. Those before it are less than four times as far away,
         and seven times as strong.
         """
-        return force * (self._hang + shift) <= self._weakest
+        return force * (self._hang + shift) <= WEAKEST
 
     def _share(self, forces: np.ndarray) -> float:
         """Return which share of the spring's forces (2,) [N] the joints can bear.
@@ -114,7 +110,7 @@ class ToolSpring:
         )
         jacobian = np.array(linear)  # (3, 9)
         asked = np.abs(jacobian[:, :7].T @ jacobian[:, 7:] @ forces)  # (7,) [N m]
-        over = float((asked / self._torques).max())
+        over = float((asked / STOCK_TORQUE).max())
         return 1.0 / over if over > 1.0 else 1.0
 
     def tip(self, held: Tips) -> Tips:
@@ -127,27 +123,12 @@ class Arm(ControlledArm):
     """A Panda of Bullet's, moved by its motors."""
 
     def __init__(
-        self,
-        client: Client,
-        body: int,
-        kinematics: Kinematics,
-        model: PandaModel,
-        time_step: float,
+        self, client: Client, body: int, kinematics: Kinematics, spring: ToolSpring | None
     ) -> None:
-        """Control a loaded arm of this model; each command holds for one time_step [s]."""
-        super().__init__(kinematics, time_step)
-        config = model.config
-        self._client = client
-        self._torques = (config.torque_scale * STOCK_TORQUE).tolist()
-        self._gains = [config.gain] * JOINT_COUNT
-        self.body = body
-        self.spring: ToolSpring | None = None
-        self.stick = STICK_LINK
-        if config.tool_stiffness > 0.0:
-            torques = config.tool_torque_scale * STOCK_TORQUE
-            stick = (config.tool_length, model.tool_radius)
-            self.spring = ToolSpring(client, body, config.tool_stiffness, torques, *stick)
-            self.stick = self.spring.link
+        """Control a loaded arm, with a stick that is rigid or on a spring."""
+        super().__init__(kinematics)
+        self._client, self.body, self.spring = client, body, spring
+        self.stick = STICK_LINK if spring is None else spring.link
 
     def set_friction(self, value: float) -> None:
         """Set the stick's friction coefficient as Bullet multiplies it."""
@@ -170,8 +151,8 @@ class Arm(ControlledArm):
             self._client.POSITION_CONTROL,
             targetPositions=joints,
             targetVelocities=speeds,
-            forces=self._torques,
-            positionGains=self._gains,
+            forces=TORQUES,
+            positionGains=GAINS,
             velocityGains=UNIT_GAINS,
         )
 
@@ -197,7 +178,7 @@ class BulletSimulation(Simulation):
         """Connect to a server of its own."""
         super().__init__(config)
         self.client = Client()
-        self._models: dict[ArmConfig, PandaModel] = {}
+        self._models: dict[bool, PandaModel] = {}  # with a rigid stick, and with one on a spring
 
     def resting(self, scene: Scene, parameters: WorldParameters) -> list[BodyState]:
         """Return the states of bodies that stand at rest where a scene (N, 8) has them."""
@@ -206,10 +187,12 @@ class BulletSimulation(Simulation):
 
     def build(self, parameters: WorldParameters, origin: CellState, steps: int) -> "BulletCell":
         """Build a workcell with these bodies, after so many earlier control steps."""
-        arm = parameters.roughness.arm(self.config.arm)
-        if arm not in self._models:  # each description is written once
-            self._models[arm] = PandaModel(self.config.feasibility.limits.tool_radius, arm)
-        return BulletCell(self.client, self._models[arm], self.config, parameters, origin, steps)
+        sprung = parameters.roughness.spring > 0.0
+        if sprung not in self._models:  # each description is written once
+            radius = self.config.feasibility.limits.tool_radius
+            self._models[sprung] = PandaModel(radius, sprung=sprung)
+        model = self._models[sprung]
+        return BulletCell(self.client, model, self.config, parameters, origin, steps)
 
     def close(self) -> None:
         """Disconnect; a second call does nothing."""
@@ -244,12 +227,16 @@ class BulletCell(Workcell):
         table = config.feasibility.table
         client.resetSimulation()
         client.setGravity(*parameters.roughness.gravity(GRAVITY))
-        client.setTimeStep(config.motion.time_step)
+        client.setTimeStep(TIME_STEP)
         client.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1, contactBreakingThreshold=CONTACT_BREAKING
         )
         body = model.load(client, -table.height)
-        self.arm = Arm(client, body, config.kinematics, model, config.motion.time_step)
+        spring, rough = None, parameters.roughness
+        if rough.spring > 0.0:
+            radius = config.feasibility.limits.tool_radius
+            spring = ToolSpring(client, body, rough.spring, rough.stock_joints, radius)
+        self.arm = Arm(client, body, config.kinematics, spring)
         self.arm.place(origin.joints)
         friction = parameters.rim_friction**0.5  # of a body alone
         self._table_friction = parameters.friction / friction  # of a table alone

@@ -11,14 +11,14 @@ from numpy import ndarray
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_core.types import Scalars, Scene
 from sain_core.world import DivergedError
-from sain_sim.arm.motion import JOINT_COUNT, ControlledArm, Joints, Kinematics, Tips
+from sain_sim.arm.motion import JOINT_COUNT, TIME_STEP, ControlledArm, Joints, Kinematics, Tips
 from sain_sim.engines.mujoco_description import (
     FEET_FIRST,
+    PHYSICS_STEPS,
     SHOULDER,
     STICK,
     TOOL,
     describe_world,
-    physics_steps,
 )
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.roughness import Disturbance
@@ -44,15 +44,15 @@ class MujocoStates(NamedTuple):
 class MujocoArm(ControlledArm):
     """A Panda of MuJoCo's, whose joints are the first seven of the model."""
 
-    def __init__(self, model: Any, data: Any, kinematics: Kinematics, time_step: float) -> None:
-        """Control the arm of a world's data; each command holds for one time_step [s]."""
-        super().__init__(kinematics, time_step)
+    def __init__(self, model: Any, data: Any, kinematics: Kinematics) -> None:
+        """Control the arm of a world's data."""
+        super().__init__(kinematics)
         self._model, self._data = model, data
         self._stick = model.geom(STICK).id
         # A servo's damping brakes all motion. This lead cancels it at the speed that is commanded;
         # the half step is from where a control step begins to its middle.
         _, stiffness, damping = -model.actuator_biasprm[:, :3].T
-        self._lead = damping / stiffness + time_step / 2  # (7,) [s]
+        self._lead = damping / stiffness + TIME_STEP / 2  # (7,) [s]
 
     def put(self, joints: Joints) -> None:
         """Set the joints to angles (7,) at once, at rest."""
@@ -119,7 +119,6 @@ class MujocoCell(Workcell):
         """Set everything to the origin, at rest and without forces."""
         super().__init__(config, parameters, origin, steps)
         self._model, self._data = model, data
-        self._substeps = physics_steps(config.motion.time_step)
         self._free = np.array([i not in parameters.bodies.fixed for i in range(parameters.count)])
         mujoco.mj_resetData(model, data)
         count = int(self._free.sum())
@@ -129,7 +128,7 @@ class MujocoCell(Workcell):
         self._poses[:] = origin.states.poses[self._free]
         self._speeds[:] = origin.states.speeds[self._free]
         data.mocap_pos[:], data.mocap_quat[:] = np.split(self._fixed_poses, [3], axis=1)
-        self.arm = MujocoArm(model, data, config.kinematics, config.motion.time_step)
+        self.arm = MujocoArm(model, data, config.kinematics)
         self.arm.place(origin.joints)
         self._body_of = model.geom_bodyid - model.body("body0").id  # (G,); below 0: table and arm
         self._is_tool = model.geom_contype == TOOL
@@ -170,7 +169,7 @@ class MujocoCell(Workcell):
             DivergedError: MuJoCo reports a problem, or a number that is not finite.
         """
         self._set_patches()
-        mujoco.mj_step(self._model, self._data, nstep=self._substeps)
+        mujoco.mj_step(self._model, self._data, nstep=PHYSICS_STEPS)
         self._check_finite()
 
     def touched(self, pushed: int) -> int | None:

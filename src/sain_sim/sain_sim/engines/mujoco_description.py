@@ -15,6 +15,7 @@ Contacts are between forms whose normals are exact, at heights that rounding doe
   rim. So the softness of flat bottoms is in the constraint (`YIELD`), which makes that negligible.
 """
 
+from math import ceil
 from typing import Any, Final
 
 import mujoco
@@ -22,13 +23,12 @@ import numpy as np
 
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.shape import Shape, Solid, prism_surface
-from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE, Joints
-from sain_sim.arm.panda import panda_with_stick
+from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE, TIME_STEP, Joints
+from sain_sim.arm.panda import STOCK_INERTIA, TORQUE_SCALE, panda_with_stick
 from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
 from sain_sim.world.workcell import GRAVITY, SAG, WorldConfig, support_drop
 
 LONGEST_STEP: Final = 0.002  # [s], [MuJoCo] default of `timestep`; control steps are longer
-STOCK_INERTIA: Final = 1.0  # [URDF] times this; rotors need no stand-in here
 STIFFEST: Final = 2.0  # [steps], [MuJoCo] smallest time constant of a contact that is stable
 CRITICAL: Final = 1.0  # [MuJoCo] default damping ratio of a contact: no bounce
 SLIDING_ONLY: Final = 3  # `condim`: no torsional or rolling friction, as in the paper
@@ -40,6 +40,8 @@ DAMPING: Final = 90.0  # [1/s], of a flat bottom on the table: a fifth of critic
 FRICTION_RATIO: Final = 10.0  # `impratio`: friction of soft contacts creeps at below 1 mm/s
 FLOOR_FRICTION: Final = 1.0  # [MuJoCo] default
 
+PHYSICS_STEPS: Final = ceil(TIME_STEP / LONGEST_STEP - 1e-9)  # of MuJoCo, in a control step
+
 BALL, BOX = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER, PLANE = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE
 STICK: Final = "stick"
@@ -50,23 +52,17 @@ TABLE, RIM, TOOL = 1, 2, 4  # bits of what may touch what
 FEET_FIRST, TABLE_SECOND, TOOL_THIRD, RIMS_LAST = 3, 2, 1, 0
 
 
-def physics_steps(control_step: float) -> int:
-    """Return how many steps of MuJoCo make a control step [s]."""
-    return int(np.ceil(control_step / LONGEST_STEP - 1e-9))
-
-
 def describe_world(config: WorldConfig, parameters: WorldParameters, home: Joints) -> Any:
     """Return the compiled model of a world; the bodies' places are not part of it.
 
     Its joints are the arm's seven, then a free joint for each body that is not fixed.
     """
-    arm, table = parameters.roughness.arm(config.arm), config.feasibility.table
-    radius = config.feasibility.limits.tool_radius
+    table, radius = config.feasibility.table, config.feasibility.limits.tool_radius
     spec = mujoco.MjSpec.from_string(  # [URDF]
-        panda_with_stick(radius, arm.tool_length, STOCK_INERTIA, visuals=False)
+        panda_with_stick(radius, STOCK_INERTIA, visuals=False)
     )
-    _set_options(spec, config, parameters)
-    _hold_arm(spec, -table.height, arm.torque_scale)
+    _set_options(spec, parameters)
+    _hold_arm(spec, -table.height)
     for geom in spec.geoms:  # of the arm only the stick's end collides
         geom.name = STICK
         _collide(spec, geom, TOOL, 0, parameters.tool_friction, TOOL_THIRD)
@@ -79,13 +75,13 @@ def describe_world(config: WorldConfig, parameters: WorldParameters, home: Joint
     return model
 
 
-def _set_options(spec: Any, config: WorldConfig, parameters: WorldParameters) -> None:
+def _set_options(spec: Any, parameters: WorldParameters) -> None:
     option = spec.option
     # Sparse ones, the default above 60 degrees of freedom (nine bodies), give wrong accelerations
     # in MuJoCo 4.0.0 (its issue 3767).
     option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     option.gravity = parameters.roughness.gravity(GRAVITY)
-    option.timestep = config.motion.time_step / physics_steps(config.motion.time_step)
+    option.timestep = TIME_STEP / PHYSICS_STEPS
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC  # [MuJoCo] round cone: friction has no axes
     if parameters.lies_flat:
         option.impratio = FRICTION_RATIO
@@ -93,7 +89,7 @@ def _set_options(spec: Any, config: WorldConfig, parameters: WorldParameters) ->
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is reported
 
 
-def _hold_arm(spec: Any, base: float, strength: float) -> None:
+def _hold_arm(spec: Any, base: float) -> None:
     """Place the arm, balance its weight as Franka's controller does, and add servos."""
     spec.body("panda_link0").pos = [0.0, 0.0, base]
     for body in spec.bodies:
@@ -101,7 +97,7 @@ def _hold_arm(spec: Any, base: float, strength: float) -> None:
     for index, joint in enumerate(spec.joints):
         joint.armature = ROTOR_INERTIA
         joint.actfrclimited = False  # the servo has the limit
-        stiffness, limit = strength * SERVO_STIFFNESS[index], strength * STOCK_TORQUE[index]
+        stiffness, limit = TORQUE_SCALE * SERVO_STIFFNESS[index], TORQUE_SCALE * STOCK_TORQUE[index]
         servo = spec.add_actuator(name=f"servo{index + 1}", target=joint.name)
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
         servo.gaintype = mujoco.mjtGain.mjGAIN_FIXED

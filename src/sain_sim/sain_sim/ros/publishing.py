@@ -41,7 +41,7 @@ class Transforms:
         """Describe the arm and its fixed frames, to whoever joins."""
         limits, kinematics = config.feasibility.limits, config.kinematics
         self._prefix = frame_prefix
-        self._description = describe_arm(limits.tool_radius, kinematics.tool_length)
+        self._description = describe_arm(limits.tool_radius)
         links = links_of(self._description)
         self._links = [link for link in links if link.moves]
         self._fixed = [link for link in links if not link.moves]

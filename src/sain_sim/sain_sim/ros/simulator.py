@@ -24,7 +24,7 @@ from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TRUTHS, TruthConfig
-from sain_sim.world.workcell import Sample, WorldConfig
+from sain_sim.world.workcell import Sample, WorldConfig, steps_of
 
 SHADOW_MODEL = "bullet_nominal"
 
@@ -102,7 +102,7 @@ class Simulator:
                 self.camera, pacer, config.real_time_factor, config.idle_rate
             )
         rate = config.state_rate if self.camera is None else config.camera.frame_rate
-        self._every = config.bullet.steps_of(1.0 / rate)
+        self._every = steps_of(1.0 / rate)
 
     @property
     def parameters(self) -> WorldParameters:
@@ -193,7 +193,6 @@ class Simulator:
                 sample.scene,
                 self.parameters.shapes,
                 bullet.feasibility.table,
-                bullet.arm,
             )
         self._shots += 1
         random = generator(self._seed, "images", self._shots)

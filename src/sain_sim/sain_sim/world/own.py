@@ -11,6 +11,7 @@ from sain_core.guarding.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
+from sain_sim.arm.motion import TIME_STEP, stroke_tips
 from sain_sim.world.engines import (
     DEFAULT_ENGINE,
     ENGINES,
@@ -86,9 +87,9 @@ class OwnWorld(CheckedWorld):
                 contract. The bodies are put back.
         """
         before, motion = self.observe(), self.config.motion
-        tips = motion.stroke(stroke.start, stroke.end, stroke.speed)
+        tips = stroke_tips(motion, stroke.start, stroke.end, stroke.speed)
         joints = self.config.kinematics.joints(tips)
-        took = len(joints) * motion.time_step
+        took = len(joints) * TIME_STEP
 
         def perform() -> object:
             nonlocal took

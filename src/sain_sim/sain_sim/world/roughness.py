@@ -19,7 +19,6 @@ from sain_core.randomness import generator
 from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape
 from sain_core.shapes.solids import even_supports
 from sain_core.types import Points, Scalars
-from sain_sim.arm.panda import ArmConfig
 
 Feet = tuple[Pair, Pair, Pair]
 Wave = tuple[float, float, float]
@@ -104,11 +103,10 @@ class Roughness(Config):
         """Return a disk's centre of mass in its frame [radii]."""
         return self.mass_offsets[disk] if self.mass_offsets else (0.0, 0.0)
 
-    def arm(self, config: ArmConfig) -> ArmConfig:
-        """Return how the arm of such a world is built and controlled."""
-        if self.tool_stiffness or self.stock_joints:
-            config = replace(config, tool_stiffness=self.tool_stiffness or STIFF_TOOL)
-        return replace(config, tool_torque_scale=1.0) if self.stock_joints else config
+    @property
+    def spring(self) -> float:
+        """Stiffness [N/m] of the spring that holds the stick; 0: it is rigid."""
+        return self.tool_stiffness or (STIFF_TOOL if self.stock_joints else 0.0)
 
     def friction_factor(self, x: float, y: float) -> float:
         """Return the friction at a place on the table [m], over its mean; 1 without patches."""

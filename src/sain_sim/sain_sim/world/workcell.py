@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_arm.planning.arm_config import MotionConfig
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
@@ -21,8 +22,7 @@ from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, 
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import ToppledError, check_possible
 from sain_sim.arm.client import Closeable
-from sain_sim.arm.motion import ControlledArm, Joints, Kinematics, MotionConfig
-from sain_sim.arm.panda import ArmConfig
+from sain_sim.arm.motion import TIME_STEP, ControlledArm, Joints, Kinematics
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET
 
@@ -33,6 +33,7 @@ MOST_LEAN: Final = radians(3.0)  # [rad], of a body that stands
 MOST_LIFT: Final = 0.003  # [m], of the middle of a body that stands, up or down
 ASIDE: Final = (0.03, -0.35)  # [m], above where it hides no body from a camera in front of it
 HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
+SETTLING: Final = 3.0  # [s], longest wait for disks to settle
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
 
@@ -40,8 +41,7 @@ STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 class WorldConfig(Config):
     """How a world is simulated; `WorldParameters` states what is in it."""
 
-    motion: MotionConfig = MotionConfig()
-    arm: ArmConfig = ArmConfig()
+    motion: MotionConfig = MotionConfig(tip_height=0.008, clearance=0.048)
     feasibility: Feasibility = Feasibility()
     wait_aside: bool = option(
         False, "move the arm beside its base after each push, so that a camera sees all bodies"
@@ -49,18 +49,16 @@ class WorldConfig(Config):
     full_motion: bool = option(
         False, "show the arm's ways out of contact too; they take simulated time"
     )
-    max_settle_time: float = option(
-        3.0, "longest wait for disks to settle", unit="s", minimum=0.1, maximum=60.0
-    )
-
-    def steps_of(self, duration: float) -> int:
-        """Return the control steps, at least one, that come nearest to a duration [s]."""
-        return max(1, round(duration / self.motion.time_step))
 
     @property
     def kinematics(self) -> Kinematics:
         """The arm's kinematics, its base below the table top."""
-        return Kinematics(-self.feasibility.table.height, self.arm.tool_length)
+        return Kinematics(-self.feasibility.table.height)
+
+
+def steps_of(duration: float) -> int:
+    """Return the control steps, at least one, that come nearest to a duration [s]."""
+    return max(1, round(duration / TIME_STEP))
 
 
 @dataclass(frozen=True)
@@ -181,7 +179,7 @@ class Workcell(ABC):
     @property
     def time(self) -> float:
         """Simulated time [s]."""
-        return self.steps * self._config.motion.time_step
+        return self.steps * TIME_STEP
 
     def observe(self) -> Scene:
         """Return the bodies' states (N, 8); before the first step, exactly those of the origin.
@@ -257,8 +255,7 @@ class Workcell(ABC):
     def settle(self, phase: str, watch: Watch | None, pushed: int | None) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
         looks = 0
-        longest = round(self._config.max_settle_time / self._config.motion.time_step)
-        for step in range(1, longest + 1):
+        for step in range(1, steps_of(SETTLING) + 1):
             self._step(phase, watch, pushed)
             if step % STEPS_PER_LOOK == 0:
                 looks = looks + 1 if self.still() else 0
@@ -271,7 +268,7 @@ class Workcell(ABC):
 
     def _show(self, joints: Joints, phase: str, watch: Watch | None) -> None:
         """Let time pass and the watch see the arm along joints (T, 7), without simulating it."""
-        speeds = np.diff(joints, axis=0) / self._config.motion.time_step
+        speeds = np.diff(joints, axis=0) / TIME_STEP
         for place, speed in zip(joints[1:], speeds, strict=True):
             self.steps += 1
             if watch is not None and self.steps % watch.every == 0:

@@ -16,6 +16,7 @@ from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.client import Closeable
+from sain_sim.arm.motion import TIME_STEP, arc, line, stroke_tips
 from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, check_stands, on_a_grid
 from sain_sim.world.truth import check_roughness
@@ -249,7 +250,7 @@ class World(CheckedWorld):
             self._attempt(origin, route, None, pushed)
             self._build(origin)
         self._attempt(origin, route, watch, pushed)
-        duration = (self._cell.steps - self._steps) * self.config.motion.time_step
+        duration = (self._cell.steps - self._steps) * TIME_STEP
         self._steps = self._cell.steps
         cell = self._cell
         return Outcome(before, self.observe(), duration, cell.still(), cell.fallen())
@@ -275,16 +276,16 @@ class World(CheckedWorld):
     def _route(self, stroke: Stroke) -> Route:
         """Return the joints along a push, or raise `UnreachableError`."""
         motion, arm = self.config.motion, self._cell.arm
-        tips = motion.stroke(stroke.start, stroke.end, stroke.speed)
+        tips = stroke_tips(motion, stroke.start, stroke.end, stroke.speed)
         above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
         if self.config.full_motion:
-            approach = motion.arc(arm.tip(), above_start)
-            lower, lift = motion.line(above_start, tips[0]), motion.line(tips[-1], above_end)
+            approach = arc(motion, arm.tip(), above_start)
+            lower, lift = line(motion, above_start, tips[0]), line(motion, tips[-1], above_end)
         else:  # an arm that reaches both ends of these ways reaches all of them
             approach, lower, lift = above_start[None], tips[:1], above_end[None]
         if self.config.wait_aside:
             home = np.array([*ASIDE, motion.raised])
-            back = motion.arc(above_end, home) if self.config.full_motion else home[None]
+            back = arc(motion, above_end, home) if self.config.full_motion else home[None]
             lift = np.concatenate([lift, back])
         ways = (approach, lower, tips, lift)
         joints = arm.kinematics.joints(np.concatenate(ways))
