@@ -104,12 +104,6 @@ class FakeRenderer:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def eyes(self, pairs: list, goal: np.ndarray, ring: float) -> np.ndarray:
-        return np.arange(12.0).reshape(4, 3)
-
-    def look_from(self, eye: np.ndarray) -> None:
-        assert eye[0] == 0.0  # the best one
-
     def picture(
         self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
     ) -> np.ndarray:

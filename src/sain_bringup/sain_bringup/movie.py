@@ -21,6 +21,7 @@ from sain_bags.reading.reader import Bag
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.topics import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.view.palette import PALETTE
@@ -36,7 +37,9 @@ MOST_PROCESSES: Final = 8
 SPEED: Final = 3.0  # simulated time by shown time
 RATE: Final = 12.0  # [Hz], of pictures
 HOLD: Final = 2.0  # [s] that the last picture stands
-WIDTH, HEIGHT = 480, 360  # [px], of a picture
+CAMERA: Final = ImageCameraConfig(  # where the arm rarely hides the target or the goal
+    width=480, height=360, eye=(1.54, -0.34, 1.22), focus=(0.45, 0.0, 0.14), field_of_view=36.0
+)
 LONGEST: Final = 60  # pictures at most; a longer episode is shown faster
 SAMPLES: Final = 8  # pictures that the common palette is made from
 SWATCH: Final = 40  # [px], rows that a rare colour gets in the sheet for the palette
@@ -108,20 +111,17 @@ class Scenery:
 
     def renderer(self) -> "Renderer":
         """Return what renders the pictures."""
-        from sain_sim.camera.render import CameraConfig, Renderer
+        from sain_sim.camera.render import Renderer
 
-        renderer = Renderer(self.start, self.shapes, CameraConfig(width=WIDTH, height=HEIGHT))
+        renderer = Renderer(self.start, self.shapes, CAMERA)
         if self.outline is not None:
             renderer.mark_goal(self.outline)
         return renderer
 
 
-def render(
-    scenery: Scenery, eye: Float[ndarray, "3"], moments: Sequence[Moment]
-) -> list[Image.Image]:
-    """Return the pictures of moments, seen from one place."""
+def render(scenery: Scenery, moments: Sequence[Moment]) -> list[Image.Image]:
+    """Return the pictures of moments."""
     with scenery.renderer() as renderer:
-        renderer.look_from(eye)
         return [
             _caption(
                 renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring),
@@ -135,17 +135,11 @@ def render(
 def start_film(
     scenery: Scenery, moments: Sequence[Moment], processes: int = 0
 ) -> Generator[list[Image.Image], None, None]:
-    """Begin to render in so many processes, 0: one for each core; to close it ends them.
-
-    The camera stands where the arm hides the target and the goal least.
-    """
-    with scenery.renderer() as renderer:
-        seen = [(moment.joints, moment.scene) for moment in moments]
-        eye = renderer.eyes(seen, scenery.goal, scenery.ring)[0]
+    """Begin to render in so many processes, 0: one for each core; to close it ends them."""
     size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
     ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
     parts = [moments[first:last] for first, last in pairwise(ends)]
-    start = partial(FunctionRunner, partial(render, scenery, eye))
+    start = partial(FunctionRunner, partial(render, scenery))
     # There is nothing that pictures must agree with.
     return start_processes(Work(start, Software((), ())), parts, len(parts))
 

@@ -1,15 +1,16 @@
 import numpy as np
 import pytest
 
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import DISK
-from sain_sim.camera.render import CameraConfig, Renderer, Window
+from sain_sim.camera.render import Renderer, Window
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
 from sain_sim.world.world import World
 
-CAMERA = CameraConfig(width=160, height=90, oversampling=1)
+CAMERA = ImageCameraConfig(width=160, height=90)
 T = "t"
 JOINTS = WorldConfig().kinematics.joints(np.array([0.35, 0.0, 0.09]))
 

@@ -5,41 +5,30 @@ exist any more. It draws with Bullet's software renderer and needs no display. E
 drawn twice as large and averaged down, which smooths the edges.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
 from numpy import ndarray
 
 from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
-from sain_core.config import Config, option
 from sain_core.push import TOOL_RADIUS
-from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, TARGET, THETA, Table, X, Y
+from sain_core.scene import DISK_HEIGHT, RADIUS, TARGET, THETA, Table, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import Tag
 from sain_core.shapes.solids import DISK
 from sain_core.types import Points, Scene
 from sain_core.view.scenes import colours_of
 from sain_sim.arm.client import Client, Closeable
-from sain_sim.arm.motion import Joints, Kinematics
-from sain_sim.arm.panda import JOINT_COUNT, PandaModel
+from sain_sim.arm.motion import Joints
+from sain_sim.arm.panda import JOINT_COUNT, PandaModel, Vector
 from sain_sim.camera.scenery import (
     OFF_STAGE,
-    Caster,
-    Eye,
-    brightness,
     build_disk,
     build_mark,
     build_ring,
     build_table,
-    candidate_eyes,
-    circle,
-    rank_eyes,
-    table_points,
 )
-from sain_sim.world.workcell import Sample, WorldConfig
 
 Image = UInt8[ndarray, "height width 3"]
 Depth = Float[ndarray, "height width"]  # [m]
@@ -48,29 +37,9 @@ NEAR: Final = 0.1  # [m]
 FAR: Final = 10.0  # [m]
 
 SKY: Final = np.array([[0.80, 0.86, 0.92], [0.97, 0.97, 0.96]])  # upper and lower edge
-HAND_CLEARANCE: Final = 0.11  # [m], from the stick's tip up to the fingers
-HAND_TOP: Final = 0.24  # [m], from the stick's tip up to the wrist
-HAND_RADIUS: Final = 0.05  # [m], of a cylinder about as large as the hand
-LINK_RADIUS: Final = 0.07  # [m], of the arm's links, about
-CAPSULE_RADII: Final = np.array(
-    [LINK_RADIUS] * (JOINT_COUNT + 1) + [HAND_RADIUS + 0.03, TOOL_RADIUS]
-)
-TOP_SHARE: Final = 0.8  # of the target's radius: a circle on its top that should be seen
+OVERSAMPLING: Final = 2  # so many times as large is a picture drawn
 
 _UNMADE: Final = -1
-
-
-@dataclass(frozen=True)
-class CameraConfig(Config):
-    """Where pictures are taken from, and how large."""
-
-    width: int = option(960, "of the picture", unit="px", minimum=16, maximum=4096)
-    height: int = option(540, "of the picture", unit="px", minimum=16, maximum=4096)
-    eye: tuple[float, float, float] = option((1.50, -0.92, 0.86), "camera", unit="m")
-    focus: tuple[float, float, float] = option((0.45, 0.0, 0.14), "what it looks at", unit="m")
-    field_of_view: float = option(36.0, "vertical", unit="deg", minimum=5.0, maximum=120.0)
-    light: tuple[float, float, float] = option((0.6, -1.2, 2.4), "where light is from", unit="m")
-    oversampling: int = option(2, "drawn so many times larger", minimum=1, maximum=4)
 
 
 class Renderer(Closeable):
@@ -80,7 +49,7 @@ class Renderer(Closeable):
         self,
         scene: Scene,
         shapes: tuple[str, ...] | None = None,
-        camera: CameraConfig = CameraConfig(),
+        camera: ImageCameraConfig = ImageCameraConfig(),
         table: Table = Table(),
         gui: bool = False,
         marked: bool = True,
@@ -93,7 +62,7 @@ class Renderer(Closeable):
         self.camera = camera
         self._client = Client(gui)
         self._client.configureDebugVisualizer(self._client.COV_ENABLE_GUI, 0)
-        self._table_top = build_table(self._client, table)
+        build_table(self._client, table)
         model = PandaModel(TOOL_RADIUS, visuals=True)
         self._arm = model.load(self._client, -table.height)
         shapes = shapes or (DISK,) * len(scene)
@@ -103,52 +72,15 @@ class Renderer(Closeable):
             for colour, shape, state in zip(colours, shapes, scene, strict=True)
         ]
         self._goals: dict[float, int] = {}
-        self._kinematics = Kinematics(-table.height)
         self._projection = self._client.computeProjectionMatrixFOV(
             camera.field_of_view, camera.width / camera.height, NEAR, FAR
         )
         self._mark = _UNMADE
-        self.look_from(np.array(camera.eye))
-
-    def look_from(self, eye: Eye) -> None:
-        """Move the camera to a point (3,) [m]; it looks at the same focus."""
-        camera = self.camera
-        self._view = self._client.computeViewMatrix(eye.tolist(), camera.focus, [0.0, 0.0, 1.0])
-        self._points = table_points(self._view, self._projection, camera.width, camera.height)
+        self._view = self._client.computeViewMatrix(camera.eye, camera.focus, [0.0, 0.0, 1.0])
 
     def mark_goal(self, corners: Points) -> None:
         """Show an outline (C, 2) [m] as the goal from now on, instead of a ring."""
         self._mark = build_mark(self._client, corners)
-
-    def eyes(
-        self, moments: Sequence[tuple[Joints, Scene]], goal: Points, goal_radius: float
-    ) -> Float[ndarray, "E 3"]:
-        """Return where the camera may stand, first where the arm hides target and goal least.
-
-        Moments are the joints (7,) and disks (N, 8) of each picture, the goal is (2,) [m].
-        """
-        camera = self.camera
-        eyes = candidate_eyes(np.array(camera.eye), np.array(camera.focus))
-        target = min(TARGET, len(moments[0][1]) - 1)  # or the only body
-        targets = np.stack([scene[target, POSITION] for _, scene in moments])
-        radius = TOP_SHARE * float(moments[0][1][target, RADIUS])
-        goals = np.broadcast_to(goal, targets.shape)
-        groups = [circle(targets, radius, DISK_HEIGHT), circle(goals, goal_radius, 0.0)]
-        capsules = np.stack([self._capsules(joints) for joints, _ in moments])
-        return rank_eyes(eyes, capsules, CAPSULE_RADII, groups)
-
-    def _capsules(self, joints: Joints) -> Float[ndarray, "C 2 3"]:
-        """Return the ends of capsules about the links, the hand and the stick of the arm."""
-        client = self._client
-        self._move_arm(joints)
-        links = client.getLinkStates(self._arm, range(JOINT_COUNT), computeForwardKinematics=1)
-        places = np.array(
-            [client.getBasePositionAndOrientation(self._arm)[0], *(s[4] for s in links)]
-        )
-        tip = self._kinematics.tips(joints)
-        hand, wrist = (tip + np.array([0.0, 0.0, up]) for up in (HAND_CLEARANCE, HAND_TOP))
-        arm = np.stack([places[:-1], places[1:]], axis=1)
-        return np.concatenate([arm, [[places[-1], wrist], [wrist, hand], [hand, tip]]])
 
     def _move_arm(self, joints: Joints) -> None:
         for joint, value in enumerate(joints.tolist()[:JOINT_COUNT]):
@@ -177,20 +109,14 @@ class Renderer(Closeable):
     ) -> Image:
         """Return an image (height, width, 3) of what `show` moves."""
         self.show(joints, scene, goal, goal_radius)
-        camera, times = self.camera, self.camera.oversampling
-        colours, _, bodies = self.draw(camera.width * times, camera.height * times)
-        body = bodies[..., None]
-        image = _average(colours, times)
-        on_table = _average(body == self._table_top, times)
-        shade = 1 - on_table * (
-            1 - brightness(self._points, self._casters(joints, scene), camera.light)
-        )
-        return np.asarray((image * shade).round(), dtype=np.uint8)
+        camera, times = self.camera, OVERSAMPLING
+        colours, _, _ = self.draw(camera.width * times, camera.height * times)
+        return np.asarray(_average(colours, times).round(), dtype=np.uint8)
 
     def draw(self, width: int, height: int) -> tuple[Image, Depth, Identities]:
         """Return colours, distances along the optical axis [m] and bodies, as `show` left all.
 
-        Without shadows. Where there is nothing, the distance is `FAR` and the body is -1.
+        Where there is nothing, the distance is `FAR` and the body is -1.
         """
         _, _, pixels, depth, bodies = self._client.getCameraImage(
             width,
@@ -217,14 +143,6 @@ class Renderer(Closeable):
         colours, distances, bodies = self.draw(width, height)
         return Drawing(colours, distances, np.asarray(bodies == self._arm))
 
-    def _casters(self, joints: Joints, scene: Scene) -> list[Caster]:
-        """Return what throws a shadow: the disks, the stick and the hand above it."""
-        disks = [Caster(s[X], s[Y], s[RADIUS], 0.0, DISK_HEIGHT) for s in scene]
-        x, y, tip = self._kinematics.tips(joints)
-        stick = Caster(x, y, TOOL_RADIUS, tip, tip + HAND_CLEARANCE)
-        hand = Caster(x, y, HAND_RADIUS, tip + HAND_CLEARANCE, tip + HAND_TOP)
-        return [*disks, stick, hand]
-
     def close(self) -> None:
         """Close the renderer's client."""
         self._client.close()
@@ -243,17 +161,9 @@ def image_camera(
     Raises:
         ConfigError: PyBullet, which draws, is not installed.
     """
-    place = CameraConfig(
-        width=config.width,
-        height=config.height,
-        eye=config.eye,
-        focus=config.focus,
-        field_of_view=config.field_of_view,
-        light=config.light,
-    )
     size = config.tag_size
     tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(scene))]
-    renderer = Renderer(scene, shapes, place, table, marked=False)
+    renderer = Renderer(scene, shapes, config, table, marked=False)
     return ImageCamera(config, renderer, tags)
 
 
@@ -268,33 +178,3 @@ def _average(image: ndarray, times: int) -> ndarray:
     corners = [(row, column) for row in range(times) for column in range(times)]
     total = sum(image[row::times, column::times].astype(np.float32) for row, column in corners)
     return np.asarray(total / times**2)
-
-
-class Window:
-    """Shows a world on the screen."""
-
-    def __init__(self) -> None:
-        """Start closed."""
-        self._renderer: Renderer | None = None
-
-    def open(self, sample: Sample, shapes: tuple[str, ...], config: WorldConfig) -> None:
-        """Show a newly loaded world of these shapes in place of the previous one.
-
-        Raises:
-            ConfigError: there is no display.
-        """
-        self.close()
-        table = config.feasibility.table
-        self._renderer = Renderer(sample.scene, shapes, table=table, gui=True)
-        self.show(sample)
-
-    def show(self, sample: Sample) -> None:
-        """Show the arm and the bodies as they are."""
-        assert self._renderer is not None, "open comes first"
-        self._renderer.show(sample.joint_positions, sample.scene)
-
-    def close(self) -> None:
-        """Close the window; a second call does nothing."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
