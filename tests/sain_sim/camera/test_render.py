@@ -5,10 +5,9 @@ from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import DISK
-from sain_sim.camera.render import Renderer, Window
+from sain_sim.camera.render import Renderer
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.workcell import WorldConfig
-from sain_sim.world.world import World
 
 CAMERA = ImageCameraConfig(width=160, height=90)
 T = "t"
@@ -60,5 +59,6 @@ def test_a_goal_with_a_heading_is_shown_as_the_outline_of_the_body():
 
 def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
-    with World(nominal_parameters()) as world, pytest.raises(ConfigError, match="DISPLAY is not"):
-        Window().open(world.sample(), world.parameters.shapes, world.config)
+    scene = nominal_parameters().scene(np.array([[0.45, 0.0], [0.6, 0.0]]))
+    with pytest.raises(ConfigError, match="DISPLAY is not"):
+        Renderer(scene, gui=True)

@@ -10,31 +10,9 @@ from typing import Final
 
 import numpy as np
 
+from sain_arm.planning import push_events as events
 from sain_arm.planning.arm_config import MotionConfig
-from sain_arm.planning.push_events import (
-    Action,
-    ArmState,
-    Cancel,
-    Ended,
-    Ending,
-    Event,
-    Executed,
-    GoalEnded,
-    Phase,
-    PlanHome,
-    PlanPush,
-    PlanRetreat,
-    PushOrdered,
-    PushPlanned,
-    ReachFound,
-    Refused,
-    Say,
-    Send,
-    SendRefused,
-    ShowPlan,
-    TimePassed,
-    WayPlanned,
-)
+from sain_arm.planning.push_events import Action, ArmState, Ended, Ending, Event, Phase
 from sain_arm.planning.push_planner import ASIDE, PushPlan
 from sain_arm.planning.timing import Trajectory
 from sain_core.errors import BusyError, CancelledError
@@ -97,19 +75,19 @@ class PushExecution:
             BusyError: a push is ordered, and one is under way.
         """
         match event:
-            case PushOrdered(stroke):
+            case events.PushOrdered(stroke):
                 actions = self._on_push(stroke, arm)
-            case ReachFound():
+            case events.ReachFound():
                 actions = self._on_reach()
-            case PushPlanned(plan):
+            case events.PushPlanned(plan):
                 actions = self._on_plan(plan, arm)
-            case WayPlanned(way):
+            case events.WayPlanned(way):
                 actions = self._on_way(way, arm)
-            case GoalEnded(ending):
+            case events.GoalEnded(ending):
                 actions = self._on_goal_ended(ending, arm)
-            case SendRefused(error):
+            case events.SendRefused(error):
                 actions = self._on_send_refused(error)
-            case TimePassed():
+            case events.TimePassed():
                 actions = self._on_time(arm)
         return actions + self._cancel_if_stopped(arm)
 
@@ -150,7 +128,7 @@ class PushExecution:
             return self._refuse(BusyError(missing)) if late else []
         assert arm.joints is not None
         self.phase = Phase.PLANS
-        return [PlanPush(arm.joints)]
+        return [events.PlanPush(arm.joints)]
 
     def _missing(self, arm: ArmState) -> str:
         """Return what a push waits for; empty: it can be planned."""
@@ -166,7 +144,7 @@ class PushExecution:
             return []
         if isinstance(plan, BaseException):
             return self._refuse(plan)
-        shown: list[Action] = [ShowPlan(plan)]
+        shown: list[Action] = [events.ShowPlan(plan)]
         if self._dry_run:
             text = "a dry run: the way is possible; nothing was moved"
             return shown + self._refuse(CancelledError(text))
@@ -183,13 +161,13 @@ class PushExecution:
             return self._take_ending(Ending(Ended.REJECTED, arm.stopped), arm)
         self._goal, self._sent, self._cancelled = goal, arm.time, False
         self._arrives = None
-        return [Send(goal, touches)]
+        return [events.Send(goal, touches)]
 
     def _cancel_if_stopped(self, arm: ArmState) -> list[Action]:
         if self._goal is None or self._cancelled or not arm.stopped:
             return []
         self._cancelled = True
-        return [Cancel(arm.stopped)]
+        return [events.Cancel(arm.stopped)]
 
     def _on_goal_ended(self, ending: Ending, arm: ArmState) -> list[Action]:
         if self._goal is None or self._arrives is not None:
@@ -271,11 +249,11 @@ class PushExecution:
         self._retreat_asked = True
         if self._seems_untouched(arm):
             self._doubt = _untouched(ending)
-        said: list[Action] = [Say(f"{ending}; bodies may have moved", is_error=False)]
+        said: list[Action] = [events.Say(f"{ending}; bodies may have moved", is_error=False)]
         if arm.joints is None or (why := self.frozen(arm.changed)):
             why = arm.unknown if arm.joints is None else why
-            return [*said, Say(f"no retreat: {why}"), *self._conclude()]
-        return [*said, PlanRetreat(arm.joints)]
+            return [*said, events.Say(f"no retreat: {why}"), *self._conclude()]
+        return [*said, events.PlanRetreat(arm.joints)]
 
     def _seems_untouched(self, arm: ArmState) -> bool:
         """Tell whether the joints' states have the tool nearer to its start than the body was.
@@ -293,11 +271,11 @@ class PushExecution:
     def _on_way(self, way: Trajectory | BaseException, arm: ArmState) -> list[Action]:
         match self.phase:
             case Phase.STOPS if isinstance(way, BaseException):
-                return [Say(f"no retreat: {way}"), *self._conclude()]
+                return [events.Say(f"no retreat: {way}"), *self._conclude()]
             case Phase.GOES_HOME if isinstance(way, BaseException):
                 self.phase = Phase.RESTS
                 text = f"a body may be hidden by the arm, which stays: {way}"
-                return [Say(text, is_error=False)]
+                return [events.Say(text, is_error=False)]
             case Phase.STOPS:
                 self.phase = Phase.RETREATS
             case Phase.GOES_HOME if self._goal is None:
@@ -316,7 +294,7 @@ class PushExecution:
             return []
         assert arm.joints is not None
         self.phase = Phase.GOES_HOME
-        return [PlanHome(arm.joints, self._turns.pop(0))]
+        return [events.PlanHome(arm.joints, self._turns.pop(0))]
 
     def _on_time(self, arm: ArmState) -> list[Action]:
         arrived = self._try_arriving(arm)
@@ -332,12 +310,12 @@ class PushExecution:
     def _conclude(self) -> list[Action]:
         """End a push that was executed."""
         self.phase, self._stroke, self._plan = Phase.RESTS, None, None
-        return [Executed(self._doubt)]
+        return [events.Executed(self._doubt)]
 
     def _refuse(self, error: BaseException) -> list[Action]:
         """End a push by which no body was moved."""
         self.phase, self._stroke, self._plan = Phase.RESTS, None, None
-        return [Refused(error)]
+        return [events.Refused(error)]
 
 
 def _untouched(ending: Ending) -> CancelledError:
@@ -345,4 +323,4 @@ def _untouched(ending: Ending) -> CancelledError:
 
 
 def _unless_succeeded(ending: Ending, what: str) -> list[Action]:
-    return [] if ending.how is Ended.SUCCEEDED else [Say(f"{what}: {ending}")]
+    return [] if ending.how is Ended.SUCCEEDED else [events.Say(f"{what}: {ending}")]

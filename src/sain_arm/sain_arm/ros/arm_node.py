@@ -16,31 +16,9 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from sain_arm.planning import push_events as events
 from sain_arm.planning.arm_config import ArmConfig
-from sain_arm.planning.push_events import (
-    Action,
-    ArmState,
-    Cancel,
-    Ended,
-    Ending,
-    Event,
-    Executed,
-    GoalEnded,
-    Phase,
-    PlanHome,
-    PlanPush,
-    PlanRetreat,
-    PushOrdered,
-    PushPlanned,
-    ReachFound,
-    Refused,
-    Say,
-    Send,
-    SendRefused,
-    ShowPlan,
-    TimePassed,
-    WayPlanned,
-)
+from sain_arm.planning.push_events import Action, ArmState, Ended, Ending, Event, Phase
 from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
@@ -119,7 +97,7 @@ class ArmNode(Node):
     def _begin(self, order: PushOrder) -> None:
         """Take a push; what it raises refuses the push."""
         self._order = order
-        self.update(PushOrdered(order.stroke))
+        self.update(events.PushOrdered(order.stroke))
 
     def update(self, event: Event) -> None:
         """Take an event, and do what follows; one that comes meanwhile is taken after it."""
@@ -185,34 +163,34 @@ class ArmNode(Node):
         if self.enable.is_disputed(now) and len(self._disputers) != count:
             self._disputers = publishers(self, topic)
             self.get_logger().warning(self._disabled())
-        self.update(TimePassed())  # a goal under way is cancelled at once
+        self.update(events.TimePassed())  # a goal under way is cancelled at once
 
     # --- actions --------------------------------------------------------------------------------
 
     def _do(self, action: Action) -> None:
         match action:
-            case PlanPush(joints):
+            case events.PlanPush(joints):
                 order = self._order
                 assert order is not None
-                self._submit(lambda: self._plan(order, joints), PushPlanned)
-            case PlanHome(joints, turn):
+                self._submit(lambda: self._plan(order, joints), events.PushPlanned)
+            case events.PlanHome(joints, turn):
                 planner, scene = self._planner, self.driver.scene
                 assert planner is not None and scene is not None
-                self._submit(lambda: planner.home(scene, joints, turn), WayPlanned)
-            case PlanRetreat(joints):
-                self.update(WayPlanned(self._retreat(joints)))
-            case ShowPlan(plan):
+                self._submit(lambda: planner.home(scene, joints, turn), events.WayPlanned)
+            case events.PlanRetreat(joints):
+                self.update(events.WayPlanned(self._retreat(joints)))
+            case events.ShowPlan(plan):
                 assert self._planner is not None
                 self.ghost.show(self._planner.arm, plan)
-            case Send():
+            case events.Send():
                 self._send(action)
-            case Cancel(why):
+            case events.Cancel(why):
                 self.client.cancel(why)
-            case Executed(doubt):
+            case events.Executed(doubt):
                 self.driver.finish(self._now(), doubt)
-            case Refused(error):
+            case events.Refused(error):
                 self.driver.refuse(error)
-            case Say(text, is_error):
+            case events.Say(text, is_error):
                 log = self.get_logger()
                 log.error(text) if is_error else log.warning(text)
 
@@ -245,23 +223,23 @@ class ArmNode(Node):
         except SainError as error:
             return error
 
-    def _send(self, action: Send) -> None:
+    def _send(self, action: events.Send) -> None:
         """Send a goal; one that leads to a body only where the bodies are seen where they were."""
         try:
             if action.touches:
                 self.driver.check_stroke()
         except SainError as error:
-            self.update(SendRefused(error))
+            self.update(events.SendRefused(error))
             return
         if stopped := self.arm_state().stopped:  # by what came since the event
-            self.update(GoalEnded(Ending(Ended.REJECTED, stopped)))
+            self.update(events.GoalEnded(Ending(Ended.REJECTED, stopped)))
             return
-        self.client.send(action.trajectory, lambda ending: self.update(GoalEnded(ending)))
+        self.client.send(action.trajectory, lambda ending: self.update(events.GoalEnded(ending)))
 
     # --- looking after it -----------------------------------------------------------------------
 
     def _look(self) -> None:
-        self.update(TimePassed())
+        self.update(events.TimePassed())
         self._report()
 
     def _report(self) -> None:
@@ -281,7 +259,7 @@ class ArmNode(Node):
         reach = done.result()  # what is wrong with the robot's file ends the node
         self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
         self.reach_publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
-        self.update(ReachFound())
+        self.update(events.ReachFound())
         self.get_logger().info(f"{self.robot.name} reaches {reach.describe()}")
 
     def destroy_node(self) -> None:

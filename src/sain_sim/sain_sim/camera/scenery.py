@@ -1,11 +1,8 @@
-"""What a camera sees: table, bodies, goal, and the shadows on the table."""
+"""What a camera sees beside the arm: table, bodies and goal."""
 
-from collections.abc import Sequence
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_core.scene import DISK_HEIGHT, Table, unit
 from sain_core.shapes.library import get_shape
@@ -25,10 +22,6 @@ OFF_STAGE: Final = (0.0, 0.0, -50.0)
 CORNERS: Final = 72  # of a ring
 
 Mesh = dict[str, Any]  # the keyword arguments of ``createVisualShape`` that describe a mesh
-
-SOFTNESS: Final = 0.022  # [m], width of a shadow's edge
-DARKNESS: Final = 0.34  # share of the light that a full shadow takes
-Rays = Float[ndarray, "height width 2"]
 
 
 def build_table(client: Client, table: Table) -> int:
@@ -130,56 +123,3 @@ def flat_faces(triangles: Triangles) -> Mesh:
         "normals": np.repeat(normals, 3, axis=0).tolist(),
         "indices": list(range(3 * len(triangles))),
     }
-
-
-class Caster(NamedTuple):
-    """An upright cylinder that casts a shadow."""
-
-    x: float  # [m]
-    y: float  # [m]
-    radius: float  # [m]
-    bottom: float  # [m] over the table
-    top: float  # [m] over the table
-
-
-def table_points(
-    view: Sequence[float], projection: Sequence[float], width: int, height: int
-) -> Rays:
-    """Return where each pixel's ray meets the table plane, (height, width, 2) [m]; NaN: nowhere.
-
-    View and projection are OpenGL matrices, 16 numbers each, column by column.
-    """
-    matrix = np.reshape(projection, (4, 4)).T @ np.reshape(view, (4, 4)).T
-    across = (np.arange(width) + 0.5) / width * 2 - 1
-    down = 1 - (np.arange(height) + 0.5) / height * 2
-    grid = np.stack(np.meshgrid(across, down), axis=-1)  # (height, width, 2)
-    ends = []
-    for depth in (-1.0, 1.0):
-        flat = np.broadcast_to([depth, 1.0], grid.shape)
-        world = np.concatenate([grid, flat], axis=-1) @ np.linalg.inv(matrix).T
-        ends.append(world[..., :3] / world[..., 3:])
-    near, far = ends
-    drop = near[..., 2] - far[..., 2]
-    share = np.where(drop > 0, near[..., 2] / np.where(drop > 0, drop, 1.0), np.nan)
-    return np.asarray((near + share[..., None] * (far - near))[..., :2])
-
-
-def brightness(points: Rays, casters: list[Caster], light: tuple[float, float, float]) -> ndarray:
-    """Return what share of a light from this direction reaches points, (height, width, 1)."""
-    lean = -np.array(light[:2]) / light[2]  # a shadow's shift for each metre of height
-    bright = np.ones(points.shape[:2])
-    for caster in casters:
-        base = np.array([caster.x, caster.y])
-        first, last = base + caster.bottom * lean, base + caster.top * lean
-        inside = caster.radius - _distance(points, first, last)
-        depth = np.clip(0.5 + inside / SOFTNESS, 0.0, 1.0)
-        bright = np.minimum(bright, 1 - DARKNESS * depth * depth * (3 - 2 * depth))
-    return np.nan_to_num(bright, nan=1.0)[..., None]
-
-
-def _distance(points: Rays, first: ndarray, last: ndarray) -> ndarray:
-    """Return the distance of points to the segment from first to last [m]."""
-    way = last - first
-    offset = points - first
-    along = np.clip(offset @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
-    return np.hypot(*np.moveaxis(offset - along[..., None] * way, -1, 0))

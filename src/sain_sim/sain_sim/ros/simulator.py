@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from sain_core.scene import RADIUS
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.camera.render import Window, image_camera
+from sain_sim.camera.render import Renderer, image_camera
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
@@ -66,21 +67,13 @@ class SimulatorConfig(TruthConfig):
     images: ImageCameraConfig = ImageCameraConfig()
 
 
-@dataclass(frozen=True)
-class Pushed:
-    """An executed push.
-
-    Attributes:
-        outcome: what it led to.
-        sample: the world after it.
-        wall_time: [s]
-        predicted: (N, 8) by the shadow world, or why it could not; None without a shadow world.
-    """
+class Pushed(NamedTuple):
+    """An executed push."""
 
     outcome: Outcome
-    sample: Sample
-    wall_time: float
-    predicted: Scene | SainError | None
+    sample: Sample  # after it
+    wall_time: float  # [s]
+    predicted: Scene | SainError | None  # by the shadow world, or why not; None: there is none
 
 
 class Simulator:
@@ -91,7 +84,7 @@ class Simulator:
         self.config = config
         self.pacer = pacer
         self.world = open_world(nominal_parameters(), config.bullet, config.engine)
-        self.window = Window() if config.gui else None
+        self.window: Renderer | None = None
         self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         self.camera_timer: CameraTimer | None = None
@@ -136,11 +129,13 @@ class Simulator:
         truth = replace(self.config, world=world or self.config.world)
         parameters, start = draw_episode(seed, truth, scene, shapes, friction, roles)
         self.world.reset(start, parameters)
-        if self.window is not None:
-            self.window.open(self.world.sample(), parameters.shapes, self.config.bullet)
+        self._close_views()
+        if self.config.gui:
+            table = self.config.bullet.feasibility.table
+            self.window = Renderer(start, parameters.shapes, table=table, gui=True)
+            self._show(self.world.sample())
         if self.camera is not None:
             self.camera.begin(seed, parameters)
-        self._close_images()
         self._seed, self._shots = seed, 0
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
@@ -166,8 +161,7 @@ class Simulator:
         def show(sample: Sample) -> None:
             predict()  # while the arm moves: afterwards a planner needs the processor
             self.pacer.follow(sample.time)
-            if self.window is not None:
-                self.window.show(sample)
+            self._show(sample)
             on_sample(sample)
 
         begun = perf_counter()
@@ -198,17 +192,20 @@ class Simulator:
         random = generator(self._seed, "images", self._shots)
         return self._images.take(sample.joint_positions, sample.scene, random)
 
-    def _close_images(self) -> None:
-        if self._images is not None:
-            self._images.close()
-            self._images = None
+    def _show(self, sample: Sample) -> None:
+        if self.window is not None:
+            self.window.show(sample.joint_positions, sample.scene)
+
+    def _close_views(self) -> None:
+        for view in (self._images, self.window):
+            if view is not None:
+                view.close()
+        self._images = self.window = None
 
     def close(self) -> None:
         """Close the worlds."""
         self.world.close()
-        self._close_images()
-        if self.window is not None:
-            self.window.close()
+        self._close_views()
         if self.shadow is not None:
             self.shadow.close()
 

@@ -18,7 +18,7 @@ three feet: a scene does not state shapes.
 """
 
 from dataclasses import replace
-from typing import Final, Self
+from typing import Final
 
 import numpy as np
 
@@ -41,6 +41,7 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.world import ToppledError
+from sain_sim.arm.client import Closeable
 from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.world import World, WorldConfig
@@ -52,7 +53,7 @@ KINDS: Final = (NOMINAL, MEASURED, TRUE)
 DYNAMICS: Final = {"bullet": NOMINAL, "bullet_measured": MEASURED}
 
 
-class BulletPrior(Model):
+class BulletPrior(Model, Closeable):
     """A `Model` that sets a world to a scene and pushes.
 
     Attributes:
@@ -136,14 +137,6 @@ class BulletPrior(Model):
     def close(self) -> None:
         """Close the shadow world."""
         self._world.close()
-
-    def __enter__(self) -> Self:
-        """Return the object itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self.close()
 
 
 class Bullet(BulletPrior):
