@@ -5,7 +5,7 @@ exist any more. It draws with Bullet's software renderer and needs no display. E
 drawn twice as large and averaged down, which smooths the edges.
 """
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float, Int, UInt8
@@ -13,7 +13,7 @@ from numpy import ndarray
 
 from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
 from sain_core.push import TOOL_RADIUS
-from sain_core.scene import DISK_HEIGHT, RADIUS, TARGET, THETA, Table, X, Y
+from sain_core.scene import DISK_HEIGHT, RADIUS, THETA, Table, X, Y
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import Tag
 from sain_core.shapes.solids import DISK
@@ -21,7 +21,7 @@ from sain_core.types import Points, Scene
 from sain_core.view.scenes import colours_of
 from sain_sim.arm.client import Client, Closeable
 from sain_sim.arm.motion import Joints
-from sain_sim.arm.panda import JOINT_COUNT, PandaModel, Vector
+from sain_sim.arm.panda import JOINT_COUNT, PandaModel
 from sain_sim.camera.scenery import (
     OFF_STAGE,
     build_disk,
