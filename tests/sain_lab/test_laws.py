@@ -30,7 +30,7 @@ class Killed(BaseException):
 
 
 class Training:
-    """A training that ends when it is told to; its network is the shipped one."""
+    """A training that ends on `finish`; its network is the shipped one."""
 
     def __init__(self, path):
         self.path, self.running, self.problem = path, True, ""
@@ -51,7 +51,7 @@ class Training:
         self.running = False
 
 
-class Story:
+class LearnerRun:
     """A laboratory, and what happens to it."""
 
     def __init__(self, path):
@@ -143,18 +143,18 @@ def test_each_push_is_learned_once_and_each_network_judged(place, operations):
     (place / "elsewhere").mkdir()
     (place / "lab" / "models" / "mine" / "weights").write_text("mine")
     shutil.move(place / "lab" / "models", place / "models")
-    story = Story(place / "lab")
+    run = LearnerRun(place / "lab")
     shutil.move(place / "models", place / "lab" / "models")
     for one in operations:
-        story.do(*([one] if isinstance(one, str) else one))
-    story.end()
-    used = {story.learner.judge.service, story.learner.judge.candidate}
+        run.do(*([one] if isinstance(one, str) else one))
+    run.end()
+    used = {run.learner.judge.service, run.learner.judge.candidate}
     networks = {f"models/{one.name}" for one in (place / "lab" / "models").iterdir()}
     assert networks - {"models/mine"} <= used
     laboratory = Laboratory(place / "lab")
     records = list(laboratory.records())
     learned = [one["digest"] for one in records if one["kind"] == "push"]
-    assert learned == [one.digest for one in RESULTS[: story.received]]
+    assert learned == [one.digest for one in RESULTS[: run.received]]
     check_trainings([one for one in records if one["kind"] == "event"], records)
     assert laboratory.damage == [] and list(laboratory.waiting()) == []
     assert (place / "lab" / "models" / "mine" / "weights").read_text() == "mine"
@@ -176,15 +176,15 @@ def check_trainings(events, records):
 
 
 def test_what_fails_in_a_prediction_is_said_and_a_lost_network_left_out(place, tmp_path):
-    story = Story(tmp_path / "lab")
+    run = LearnerRun(tmp_path / "lab")
     for what in ["receive"] * 6 + ["learn"] * 3 + ["finish", "poll"]:
-        story.do(what)
-    assert story.learner.judge.candidate == "models/000003"
-    story.learner._contenders._networks.clear()
-    card_path(story.learner.laboratory.model_path("models/000003")).unlink()
-    events = story.learner.observe(story.learner.waiting[0]).events
+        run.do(what)
+    assert run.learner.judge.candidate == "models/000003"
+    run.learner._contenders._networks.clear()
+    card_path(run.learner.laboratory.model_path("models/000003")).unlink()
+    events = run.learner.observe(run.learner.waiting[0]).events
     assert events[0].kind == "left out"
     assert "models/000003 did not predict a push: " in events[0].text
     assert "sain.json does not exist" in events[0].text
-    story.end()
+    run.end()
     assert (tmp_path / "lab" / LOG).exists()

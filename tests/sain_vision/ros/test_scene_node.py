@@ -1,4 +1,4 @@
-"""The converter of poses: frames on /tf and arrays become scenes, or it is said why not."""
+"""The converter of poses: frames on /tf and arrays become scenes, or a diagnostic says why not."""
 
 from pathlib import Path
 from typing import Any

@@ -169,7 +169,7 @@ def test_poses_that_stop_coming_are_told(lab):
     assert not lab.tracker.settled
     lab.time += 5.0
     lab.look(5)
-    assert not lab.tracker.settled  # nobody knows whether they rest
+    assert not lab.tracker.settled  # whether they rest is unknown
     lab.look(6)
     assert lab.tracker.settled and lab.ids == (1, 1)
 
@@ -200,7 +200,7 @@ def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held():
     lab.look(20)
     seen = lab.tracker.stamp
     lab.look(20, hidden=(0,))
-    assert lab.tracker.stamp == seen  # without a push nobody looks elsewhere
+    assert lab.tracker.stamp == seen  # without a push it does not count
     lab.look(20)
     lab.tracker.sent(1, *lab.ids, lab.time)
     for _ in range(20):

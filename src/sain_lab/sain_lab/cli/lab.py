@@ -163,8 +163,8 @@ def tables(curves: "Curves") -> Iterator[FittingTable]:
         yield make_table("Errors before learning", ("predictor", *heads), errors)
     if curves.events:
         events = curves.events[-SHOWN:]
-        said = ((str(one.pushes), one.kind, one.text) for one in events)
-        yield make_table("Events", ("pushes", "event", "what"), said)
+        latest = ((str(one.pushes), one.kind, one.text) for one in events)
+        yield make_table("Events", ("pushes", "event", "what"), latest)
 
 
 def _interval(mean: float, low: float, high: float) -> str:
@@ -228,7 +228,7 @@ def learn(
     """Learn from results, and print what happens; with `wait` trainings end before the next."""
     reasons: Counter[str] = Counter()
 
-    def say(events: "Iterable[Event]") -> None:
+    def print_events(events: "Iterable[Event]") -> None:
         for event in events:
             if event.kind != NOT_LEARNED:
                 console.print(f"{event.pushes}: {event.kind}: {event.text}", soft_wrap=True)
@@ -236,11 +236,11 @@ def learn(
     for result in results:
         update = learner.observe(result)
         reasons[update.reason] += 1
-        say(update.events)
+        print_events(update.events)
         if wait:
-            say(learner.wait())
+            print_events(learner.wait())
     learner.end_episode()
-    say(learner.wait())
+    print_events(learner.wait())
     console.print(f"{name}: learned from {reasons.pop('', 0)} pushes", soft_wrap=True)
     for reason, count in reasons.most_common():
         console.print(f"  left out: {count}, {reason}", soft_wrap=True)

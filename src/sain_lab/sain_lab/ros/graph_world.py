@@ -39,7 +39,7 @@ FIRST: Final = 3.0  # [s], for a simulator to be found
 def teach_on_graph(settings: TeachOptions) -> SessionResult:
     """Teach on the graph that runs.
 
-    Raises `ModelUnavailableError`: nobody answers on the graph; `ConfigError`: its bodies are
+    Raises `ModelUnavailableError`: no node answers on the graph; `ConfigError`: its bodies are
     others than those of the scenario; `NoPushError`: no push is possible from where the bodies are.
     """
     believing = _Believing(settings.laboratory)

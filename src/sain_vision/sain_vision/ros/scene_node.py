@@ -219,7 +219,7 @@ class SceneNode(Node):
         return not 0.0 <= since < 0.9 / self.config.rate
 
     def _unsettle(self) -> None:
-        """Let nobody push any more from what was published last."""
+        """Publish the last scene as not settled, so that no push starts from it."""
         if self.last is not None and self.last.settled:
             self.last.settled = False
             self.scene_publisher.publish(self.last)

@@ -128,7 +128,7 @@ class BodyTrack:
         covariance = self._config.noise_covariance if seen.covariance is None else seen.covariance
         sample = _Sample(stamp, self.continued(seen.pose, self._last), covariance)
         if self._known and stamp - self.stamp > self._config.max_age:
-            self._known.clear()  # nobody knows how it moved
+            self._known.clear()  # how it moved meanwhile is unknown
         jump = self._jump(self._known[-1], sample) if self._known else ""
         if not jump:
             self._take(sample)
