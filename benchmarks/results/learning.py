@@ -127,9 +127,9 @@ class Work:
 
     def take(self, update: Update, shipped: float, seed: int) -> None:
         """Keep what was measured of a push."""
-        service = update.errors.get(self.learner.judge.service, float("nan"))
+        service = update.errors.get(self.learner.state.judge.service, float("nan"))
         row = {"seed": seed, SHIPPED: shipped, "errors": dict(update.errors), SERVICE: service}
-        row |= {"reason": update.reason, "model": self.learner.judge.service}
+        row |= {"reason": update.reason, "model": self.learner.state.judge.service}
         events = [f"{event.kind}: {event.text}" for event in update.events]
         if any(event.kind == "training" for event in update.events):
             self.due = len(self.rows) + TRAINING

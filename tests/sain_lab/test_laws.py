@@ -115,8 +115,8 @@ class LearnerRun:
 
     def end(self):
         """Learn all that waits."""
-        for result in self.learner.received():
-            self.learner.observe(result)
+        while self.learner.waiting:
+            self.learner.observe(self.learner.waiting[0])
         self.learner.wait()
         self.learner.close()
 
@@ -148,7 +148,7 @@ def test_each_push_is_learned_once_and_each_network_judged(place, operations):
     for one in operations:
         run.do(*([one] if isinstance(one, str) else one))
     run.end()
-    used = {run.learner.judge.service, run.learner.judge.candidate}
+    used = {run.learner.state.judge.service, run.learner.state.judge.candidate}
     networks = {f"models/{one.name}" for one in (place / "lab" / "models").iterdir()}
     assert networks - {"models/mine"} <= used
     laboratory = Laboratory(place / "lab")
@@ -179,7 +179,7 @@ def test_what_fails_in_a_prediction_is_said_and_a_lost_network_left_out(place, t
     run = LearnerRun(tmp_path / "lab")
     for what in ["receive"] * 6 + ["learn"] * 3 + ["finish", "poll"]:
         run.do(what)
-    assert run.learner.judge.candidate == "models/000003"
+    assert run.learner.state.judge.candidate == "models/000003"
     run.learner._contenders._networks.clear()
     card_path(run.learner.laboratory.model_path("models/000003")).unlink()
     events = run.learner.observe(run.learner.waiting[0]).events

@@ -73,7 +73,7 @@ def test_nothing_is_learned_twice_live_or_after_a_kill(taught, tmp_path):
         (copy / LOG).write_bytes(content[:size])
         kept = sum(end <= size for end in ends)
         with Learner.named(str(copy), trains=False) as learner:
-            assert learner.pushes == kept
+            assert learner.state.pushes == kept
             learned = [learner.observe(one).learned for one in results[: kept + 2]]
         assert learned == [False] * kept + [True] * 2
         digests = [r["digest"] for r in Laboratory(copy).records() if r["kind"] == "push"]
@@ -116,7 +116,7 @@ def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, change, reason):
         assert not update.learned
         assert reason in update.reason
         assert [event.kind for event in update.events] == [NOT_LEARNED]
-        assert learner.pushes == 1
+        assert learner.state.pushes == 1
     events = curves_of(Laboratory(tmp_path / "lab").records()).events
     assert reason in events[-1].text
 

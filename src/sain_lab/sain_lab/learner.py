@@ -6,7 +6,7 @@
         update.errors                                    # {"planar": 1.7, "physics": 1.2, ...} [mm]
         update.events                                    # what was decided: Event(kind, text, ...)
         learner.poll()                                   # a training that ended: more events
-        learner.generation                               # changes when others should load again:
+        learner.laboratory.manifest.generation           # changes when others should load again:
         learner.model, learner.model_name                # a model; "lab:PATH" for `load_model`
 
 1. A push is predicted by all contenders before anything is learned from it, with the episode's
@@ -33,7 +33,6 @@ from sain_core.errors import CheckpointError, OutputError, SainError
 from sain_core.output import remove
 from sain_core.transitions import PushHistory
 from sain_lab.contenders import Contenders, error_of
-from sain_lab.judging.judge import Judge
 from sain_lab.serving import model_name
 from sain_lab.state import Job, State
 from sain_lab.storage import log
@@ -96,24 +95,9 @@ class Learner:
         return cls(OpenLaboratory.named(name), trains)
 
     @property
-    def pushes(self) -> int:
-        """The number of pushes that were learned from."""
-        return self.state.pushes
-
-    @property
-    def judge(self) -> Judge:
-        """Who is in service, and the bets."""
-        return self.state.judge
-
-    @property
-    def generation(self) -> int:
-        """How often what is in service has changed, its belief too."""
-        return self.laboratory.manifest.generation
-
-    @property
     def model(self) -> SainDynamics:
         """What is in service, for an episode that begins; see `sain_core.model.Model`."""
-        return self._contenders.model(self.judge.service)
+        return self._contenders.model(self.state.judge.service)
 
     @property
     def model_name(self) -> str:
@@ -130,11 +114,6 @@ class Learner:
             self.waiting.append(result)
             if not why_not(result):
                 self.laboratory.receive({"kind": "push", **result.record()})
-
-    def received(self) -> Iterator[Result]:
-        """Yield what waits, one after another, to be observed."""
-        while self.waiting:
-            yield self.waiting[0]
 
     def observe(self, result: Result) -> Update:
         """Learn from a result.
@@ -203,7 +182,7 @@ class Learner:
         self.state.take(record)
 
     def _log(self, kind: str, text: str, **about: Any) -> Event:
-        event = Event(kind, text, self.pushes, time.time(), about)
+        event = Event(kind, text, self.state.pushes, time.time(), about)
         self._append(event.record())
         return event
 
@@ -232,7 +211,7 @@ class Learner:
         errors: dict[str, float] = {}
         turns: dict[str, float] = {}
         problems: list[Event] = []
-        for name in self.judge.contenders:
+        for name in self.state.judge.contenders:
             try:
                 if (found := self._contenders.errors(name, result, history)) is not None:
                     errors[name], turns[name] = found
@@ -244,9 +223,9 @@ class Learner:
         """Log why a contender did not predict, each reason once; leave a lost network out."""
         text = f"{name} did not predict a push: {error}"
         lost = isinstance(error, CheckpointError)
-        if lost and name == self.judge.service:
+        if lost and name == self.state.judge.service:
             yield self._log(log.DROPPED, text, service=PHYSICS)
-        elif lost and name == self.judge.candidate:
+        elif lost and name == self.state.judge.candidate:
             yield self._log(log.LEFT_OUT, text, model=name)
         elif text not in self.state.problems:
             yield self._log(log.NOT_PREDICTED, text)
@@ -256,7 +235,7 @@ class Learner:
     def _settle(self) -> tuple[Event, ...]:
         """Decide until nothing follows any more, and write what others load."""
         found: list[Event] = []
-        while (decision := self.judge.decide()) is not None:
+        while (decision := self.state.judge.decide()) is not None:
             kind, text, about = decision
             if kind == log.CHANGED:
                 about = about | {"anchor": self.state.believer.values}
@@ -275,7 +254,7 @@ class Learner:
 
     def _publish(self) -> tuple[Event, ...]:
         """Write what others load, where it has changed; remove networks of no use any more."""
-        state, service = self.state, self.judge.service
+        state, service = self.state, self.state.judge.service
         named = state.bodies.update()
         changed = state.believer.update() or named
         if changed:
@@ -284,14 +263,14 @@ class Learner:
             if state.pushes > state.stated:
                 values = (state.bodies if named else state.believer).parameters
                 self._append({"kind": "belief", "pushes": state.pushes, "parameters": values})
-        changed = changed and service == PHYSICS
-        if changed or service != self.laboratory.manifest.service:
-            self.laboratory.state(service=service, generation=self.generation + 1)
+        changed, manifest = changed and service == PHYSICS, self.laboratory.manifest
+        if changed or service != manifest.service:
+            self.laboratory.state(service=service, generation=manifest.generation + 1)
         return self._remove_networks()
 
     def _remove_networks(self) -> tuple[Event, ...]:
         """Remove networks that are neither in service nor to be judged."""
-        used = {self.judge.service, self.judge.candidate}
+        used = {self.state.judge.service, self.state.judge.candidate}
         used |= {self.state.training.service} if self.state.training else set()
         found = []
         for name in sorted(self.state.networks - used):

@@ -58,7 +58,9 @@ def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
     first, second = results(5), results(1, episode=2, seed=1)
     send(graph, sending, learner, [*first, *first, *second])  # five come twice
     graph.wait(lambda: graph.heard["learning"][-1].pushes == 6, "six pushes")
-    graph.wait(lambda: learner._loaded == learner.learner.generation > 0, "a belief")
+    graph.wait(
+        lambda: learner._loaded == learner.learner.laboratory.manifest.generation > 0, "a belief"
+    )
     graph.wait(lambda: learner._asked.done() and not learner.worker.pending, "the model")
     assert service.service.description.model == f"lab:{path}"
     learned = decode_learning(graph.heard["learning"][-1])
@@ -87,7 +89,7 @@ def test_the_switch_stops_the_learning(graph, sending, tmp_path):
     learner = graph.start(LearnerNode, nice=0, laboratory=str(tmp_path / "lab"), learns=False)
     send(graph, sending, learner, results(2))
     graph.spin(1.0)
-    assert learner.learner.pushes == 0
+    assert learner.learner.state.pushes == 0
 
 
 def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tmp_path):
@@ -99,7 +101,7 @@ def test_a_network_that_got_worse_is_dropped_and_that_is_said(graph, sending, tm
         laboratory.append({"kind": "event", **event})
         laboratory.state(service=service)
     learner = graph.start(LearnerNode, nice=0, laboratory=str(path), trains=False)
-    assert learner.learner.judge.service == service
+    assert learner.learner.state.judge.service == service
     send(graph, sending, learner, results(15))
     graph.wait(lambda: not learner.worker.pending, "all pushes")
     graph.wait(lambda: graph.heard["learning"][-1].service == "physics", "the drop")

@@ -211,10 +211,16 @@ def add(options: LabOptions, console: Console) -> None:
         for text in learner.laboratory.damage:
             console.print(text, soft_wrap=True)
         if learner.waiting or not names:
-            learn(learner, learner.received(), "received before", console)
+            learn(learner, waiting(learner), "received before", console)
         for name, results in zip(names, recordings, strict=True):
             learn(learner, results, name, console)
             learner.laboratory.link(Path(name))
+
+
+def waiting(learner: "Learner") -> "Iterator[Result]":
+    """Yield what was received before, one after another, to be observed."""
+    while learner.waiting:
+        yield learner.waiting[0]
 
 
 def begin(results: "Iterator[Result]") -> "Iterator[Result]":

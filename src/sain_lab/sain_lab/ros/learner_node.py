@@ -144,7 +144,8 @@ class LearnerNode(Node):
         for _ in range(waiting):
             self.worker.submit(self._learn, self._on_update)
         self._publish()
-        self.ready = f"learns in {self.learner.laboratory.path}, after {self.learner.pushes} pushes"
+        path, pushes = self.learner.laboratory.path, self.learner.state.pushes
+        self.ready = f"learns in {path}, after {pushes} pushes"
         self.ready += f"; {waiting} more were received before" if waiting else ""
         self._results: Any = None
         # Once the node spins: what is delivered to a node that is interrupted in its start is lost.
@@ -225,7 +226,7 @@ class LearnerNode(Node):
 
     def _serve(self) -> None:
         """Ask the model's node to load what is in service, where that has changed."""
-        generation = self.learner.generation
+        generation = self.learner.laboratory.manifest.generation
         asked = self._asked is not None and not self._asked.done()
         if asked and not self._load_model.service_is_ready():  # it ended before it could answer
             self._asked, self._loaded = None, -1
@@ -253,11 +254,11 @@ class LearnerNode(Node):
             self.curves.read(),
             stamp=self.get_clock().now().to_msg(),
             laboratory=learner.laboratory.name,
-            service=learner.judge.service,
+            service=learner.state.judge.service,
             waiting=self.worker.pending,
         )
         self.topic.publish(message)
-        figures = {"pushes": learner.pushes, "service": message.service}
+        figures = {"pushes": learner.state.pushes, "service": message.service}
         self.diagnostics.set(OK, "learning" if self.config.learns else "not learning", **figures)
 
     def _end(self) -> None:
