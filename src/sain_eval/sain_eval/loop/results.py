@@ -274,7 +274,7 @@ class Journal:
             kept = parse_json(lines[0])["settings"]
             differing = [k for k in {*kept, *settings} if kept.get(k) != settings.get(k)]
             episodes = [parse_json(line) for line in lines[1:]]
-            self.records = [self._record(item) for episode in episodes for item in episode]
+            self.records = [_record(item) for episode in episodes for item in episode]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if not overwrite:
                 raise OutputError(
@@ -295,6 +295,7 @@ class Journal:
     def _begin(self, settings: dict[str, Any]) -> None:
         self.records, self._first = [], {"settings": settings}
 
-    def _record(self, item: dict[str, Any]) -> SceneRecord:
-        lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
-        return SceneRecord(**item | lists)
+
+def _record(item: dict[str, Any]) -> SceneRecord:
+    lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
+    return SceneRecord(**item | lists)

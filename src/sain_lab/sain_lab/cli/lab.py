@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain, islice
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final, Literal
 
@@ -26,6 +27,11 @@ if TYPE_CHECKING:
 Action = Literal["list", "show", "add", "replay", "export", "forget"]
 SHOWN: Final = 12  # events
 CHART: Final = "chart.png"
+NEEDS: Final = {  # fewest and most names, and what they are; of other actions one laboratory
+    "list": (0, 0, "no name"),
+    "add": (1, inf, "a laboratory, and recordings"),
+    "replay": (1, inf, "at least one recording"),
+}
 
 
 @dataclass(frozen=True)
@@ -52,14 +58,8 @@ class LabOptions(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        count = {"list": (0, 0), "add": (1, 10**6), "replay": (1, 10**6)}.get(self.action, (1, 1))
-        if not count[0] <= len(self.names) <= count[1]:
-            needs = {
-                "list": "no name",
-                "add": "a laboratory, and recordings",
-                "replay": "at least one recording",
-            }
-            wanted = needs.get(self.action, "one laboratory")
+        fewest, most, wanted = NEEDS.get(self.action, (1, 1, "one laboratory"))
+        if not fewest <= len(self.names) <= most:
             given = " ".join(self.names) or "none"
             raise ConfigError(f"{self.action} needs {wanted}; given: {given}")
         if self.action == "export" and self.out == Path():
