@@ -16,13 +16,7 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
-from sain_bringup.movie import (
-    Scenery,
-    choose_moments,
-    encode_gif,
-    episode_moments,
-    start_film,
-)
+from sain_bringup.movie import Scenery, choose_moments, encode_gif, episode_moments, start_film
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
 from sain_core.view.scenes import goal_marks

@@ -24,8 +24,7 @@ class PageConfig(Config):
     )
     port: int = option(8080, "port to listen at", minimum=1, maximum=65535)
     scenario: str = option(
-        NO_SCENARIO,
-        "scenario to reset the scene to, once the simulator is there; empty: leave it",
+        NO_SCENARIO, "scenario to reset the scene to, once the simulator is there; empty: leave it"
     )
     seed: int = option(0, "of that scene", minimum=0, maximum=MOST_SEED)
     bag: str = option(

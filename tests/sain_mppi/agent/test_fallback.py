@@ -13,69 +13,50 @@ SCENE, PUSHES = np.zeros((2, 8)), idle_pushes(3, 1)
 
 
 class Answering(IdentityPrior):
-    """Answers with one number, or fails."""
+    """Answers with one number, or as `spoil` makes of it; with regions if it has any."""
 
-    def __init__(self, value: float, error: Exception | None = None) -> None:
-        self.value, self.error, self.asked = value, error, 0
+    def __init__(self, value=1.0, spoil=lambda predicted: predicted, regions=None):
+        self.value, self.spoil, self.radius, self.asked = value, spoil, regions, 0
 
-    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
+    def rollout(self, scene, pushes):
         self.asked += 1
-        if self.error is not None:
-            raise self.error
         predicted = np.full((*pushes.shape[:2], *scene.shape), self.value)
-        if np.isfinite(self.value):
-            predicted[..., MASS:] = scene[:, MASS:]
-        return predicted
+        predicted[..., MASS:] = scene[:, MASS:]
+        return self.spoil(predicted)
+
+    def regions(self, scene, pushes, predicted):
+        self.spoil(predicted)
+        return self.radius and np.full(predicted.shape[:3], self.radius)
 
 
-class Elsewhere(Answering):
-    """Answers for other disks."""
-
-    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-        return super().rollout(scene + 1.0, pushes)
-
-
-class Short(Answering):
-    """Forgets a push."""
-
-    def rollout(self, scene: np.ndarray, pushes: np.ndarray) -> np.ndarray:
-        return super().rollout(scene, pushes)[:, 1:]
-
-
-class Sure(Answering):
-    """Has regions."""
-
-    def regions(self, scene: np.ndarray, pushes: np.ndarray, predicted: np.ndarray) -> np.ndarray:
-        if self.error is not None:
-            raise self.error
-        return np.full(predicted.shape[:3], 0.01)
+def silent(predicted):
+    raise ModelUnavailableError("silent")
 
 
 def test_regions_are_the_model_s_and_nobody_s_where_it_fails():
-    model = Sure(1.0)
-    rollout = FallbackRollout(model, Sure(2.0))
+    model = Answering(regions=0.01)
+    rollout = FallbackRollout(model, Answering(2.0, regions=0.01))
     predicted = rollout.rollout(SCENE, PUSHES)
     assert (rollout.regions(SCENE, PUSHES, predicted) == 0.01).all()
-    model.error = ModelUnavailableError("silent")
+    model.spoil = silent
     assert rollout.regions(SCENE, PUSHES, predicted) is None  # the plan stands without
     assert rollout.failure is None
     rollout.rollout(SCENE, PUSHES)
-    model.error = None
     assert rollout.regions(SCENE, PUSHES, predicted) is None  # physics predicted
-    assert FallbackRollout(Answering(1.0), model).regions(SCENE, PUSHES, predicted) is None
+    assert FallbackRollout(Answering(), model).regions(SCENE, PUSHES, predicted) is None
 
 
 @pytest.mark.parametrize(
-    ("model", "text"),
+    ("spoil", "text"),
     [
-        (Answering(0.0, ModelUnavailableError("silent")), "silent"),
-        (Answering(np.nan), "the model predicts NaN or Inf in 48 of 48 numbers"),
-        (Answering(np.inf), "the model predicts NaN or Inf in 48 of 48 numbers"),
-        (Elsewhere(1.0), "the model predicted disks of other masses or radii"),
-        (Short(1.0), "the model predicted scenes of shape (3, 0, 2, 8); the shape must be"),
+        (silent, "silent"),
+        (lambda p: np.full_like(p, np.nan), "the model predicts NaN or Inf in 48 of 48 numbers"),
+        (lambda p: p + 1.0, "the model predicted disks of other masses or radii"),
+        (lambda p: p[:, 1:], "the model predicted scenes of shape (3, 0, 2, 8); the shape must be"),
     ],
 )
-def test_a_model_that_fails_is_asked_once_a_plan(model, text):
+def test_a_model_that_fails_is_asked_once_a_plan(spoil, text):
+    model = Answering(spoil=spoil)
     rollout = FallbackRollout(model, Answering(2.0))
     for _ in range(3):
         assert (rollout.rollout(SCENE, PUSHES)[..., 0] == 2.0).all()

@@ -63,33 +63,36 @@ def test_a_publisher_with_the_defaults_of_ros_is_heard(graph, straw, planner):
     assert plan(graph, status=Plan.PUSH).goal_distance == pytest.approx(np.hypot(0.159, 0.05))
 
 
-def test_a_pose_from_rviz_moves_the_target(graph, straw, planner):
-    publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
-    graph.wait(publisher.get_subscription_count, "who listens to poses")
-    straw.show()
-    pose = Pose(position=Point(x=GOAL[0], y=GOAL[1]), orientation=Quaternion(z=0.5, w=0.866))
+def turned(x, y, *turn, frame="world"):
+    """A pose as RViz sends it; the quaternion is x, y, z, w."""
+    x_, y_, z, w = turn
+    pose = Pose(position=Point(x=x, y=y), orientation=Quaternion(x=x_, y=y_, z=z, w=w))
     message = PoseStamped(pose=pose)
-    message.header.frame_id = "map"
-    publisher.publish(message)
-    message.header.frame_id = "world"
-    publisher.publish(message)
-    nth_push(graph, 1)
-    made = plan(graph, status=Plan.PUSH)
-    assert made.goal_distance == pytest.approx(np.hypot(0.159, 0.05))
-    assert made.goal_turn == 0.0  # a disk has no heading
+    message.header.frame_id = frame
+    return message
 
 
-def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, planner):
+@pytest.fixture
+def poses(graph, planner):
     publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
     graph.wait(publisher.get_subscription_count, "who listens to poses")
-    planner.agent._bodies[1] = Bodies.named(("box_3x2",))
-    alone = START[:1].copy()
-    straw.show(disks=alone)
-    pose = Pose(position=Point(x=0.5, y=0.1), orientation=Quaternion(z=np.sin(0.2), w=np.cos(0.2)))
-    publisher.publish(PoseStamped(pose=pose))
+    return publisher
+
+
+@pytest.mark.parametrize("shape", ["disk", "box_3x2"])
+def test_a_pose_from_rviz_moves_the_target_and_turns_it_where_that_is_seen(
+    graph, straw, planner, poses, shape
+):
+    disks = START if shape == "disk" else START[:1].copy()
+    planner.agent._bodies[1] = Bodies.named([shape] * len(disks))
+    straw.show(disks=disks)
+    target, (x, y) = disks[-1, POSITION], GOAL
+    heading = 0.0, 0.0, np.sin(0.2), np.cos(0.2)
+    poses.publish(turned(x, y, *heading, frame="map"))  # another frame is ignored
+    poses.publish(turned(x, y, *heading))
     made = plan(graph, status=Plan.PUSH)
-    assert made.goal_distance == pytest.approx(np.hypot(0.1, 0.1))
-    assert made.goal_turn == pytest.approx(0.4)
+    assert made.goal_distance == pytest.approx(np.hypot(*(GOAL - target)))
+    assert made.goal_turn == pytest.approx(0.0 if shape == "disk" else 0.4)
 
 
 @pytest.mark.parametrize(
@@ -100,17 +103,13 @@ def test_the_heading_of_a_pose_counts_for_a_body_that_has_one(graph, straw, plan
     ],
 )
 def test_a_pose_that_no_body_on_the_table_has_is_refused(
-    graph, straw, planner, monkeypatch, turn, text
+    graph, straw, planner, poses, monkeypatch, turn, text
 ):
     said = []
     logger = SimpleNamespace(error=said.append, warning=said.append)
     monkeypatch.setattr(planner, "get_logger", lambda: logger)
-    publisher = graph.bystander.create_publisher(PoseStamped, "goal_pose", 10)
-    graph.wait(publisher.get_subscription_count, "who listens to poses")
     straw.show()
-    pose = Pose(position=Point(x=GOAL[0], y=GOAL[1]))
-    pose.orientation = Quaternion(**dict(zip("xyzw", turn, strict=True)))
-    publisher.publish(PoseStamped(pose=pose))
+    poses.publish(turned(*GOAL, *turn))
     graph.wait(lambda: said, "the refusal")
     (line,) = said
     assert line.startswith("a message on goal_pose is ignored: the goal pose ") and text in line

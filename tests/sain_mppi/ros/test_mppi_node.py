@@ -58,23 +58,6 @@ def test_a_plan_says_what_it_costs_what_else_was_tried_and_where_its_time_went(
     assert (made.concern, len(made.last_errors)) == ("", 0)
 
 
-def test_a_plan_says_how_the_last_push_came_out_and_looks_further_after_a_surprise(
-    graph, straw, planner
-):
-    graph.aim(GOAL, 1)
-    straw.show()
-    first = nth_push(graph, 1)
-    after = PlanarPrior().step(START[None], wire.decode_push(first)[None])[0]
-    after[1, POSITION] += [0.0, 0.05]
-    straw.answer(first, ErrorCode.OK, before=START, after=after)
-    straw.show(scene_id=2, disks=after)
-    made = plan(graph, push_id=nth_push(graph, 2).push_id)
-    np.testing.assert_allclose(made.last_errors, [0.0, 0.05], atol=1e-9)
-    assert made.last_expected[1] < 0.05
-    assert made.concern.startswith("target 50 mm from where it should be")
-    assert made.rollouts == 2 * 96
-
-
 UNSERVED = [
     ((3.0, 0.0), 0.01, ErrorCode.OFF_TABLE, "(3.000, 0.000) m of body 1 is off the table"),
     ((np.nan, 0.0), 0.01, ErrorCode.INVALID, "must be finite"),

@@ -12,13 +12,7 @@ from rich.console import Console
 
 from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
-from sain_bringup.graph import (
-    EPISODES_KEY,
-    NAMESPACE_KEY,
-    RECORDINGS,
-    GraphOptions,
-    absent,
-)
+from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY, RECORDINGS, GraphOptions, absent
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.running import start
@@ -237,8 +231,7 @@ def play(
         start(supervisor, options, folder / LOGS)
         names = [child.name for child in supervisor.children]
         director.wait_for_graph(
-            lambda: supervisor.starting(names),
-            lambda missing: display.status(waiting_for(missing)),
+            lambda: supervisor.starting(names), lambda missing: display.status(waiting_for(missing))
         )
     for number, (scenario, seed) in enumerate(options.plans, start=1):
         with display.episode(number, len(options.plans), f"{scenario} {seed}") as view:

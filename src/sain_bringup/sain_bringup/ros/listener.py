@@ -18,14 +18,7 @@ from sain_core.errors import SainError
 from sain_core.guarding.locks import is_held
 from sain_core.guarding.ros.ownership import full_name, lock_name
 from sain_core.guarding.untrusted import private_folder
-from sain_core.ros.node_main import (
-    ERROR,
-    OK,
-    SEPARATOR,
-    command_node,
-    spin_until,
-    steady_timer,
-)
+from sain_core.ros.node_main import ERROR, OK, SEPARATOR, command_node, spin_until, steady_timer
 from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Scene
 from sain_model.compute.kernel_store import describe_compilation

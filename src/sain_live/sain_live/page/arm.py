@@ -174,12 +174,7 @@ class ArmView:
                 self._moving.append((joint, frame))
             self._hang(joint.child, below, links, joints, colours)
 
-    def _draw(
-        self,
-        name: str,
-        visual: ElementTree.Element,
-        colours: Mapping[str, Colour],
-    ) -> None:
+    def _draw(self, name: str, visual: ElementTree.Element, colours: Mapping[str, Colour]) -> None:
         geometry = visual.find("geometry")
         shape = None if geometry is None else next(iter(geometry), None)
         if shape is None:

@@ -22,15 +22,7 @@ from sain_core.wire.bodies import decode_bodies
 from sain_core.wire.learning import decode_learning
 from sain_core.wire.scene_door import SeenScene
 from sain_core.world import PushRecord
-from sain_interfaces.msg import (
-    Bodies,
-    Goal,
-    Learning,
-    Plan,
-    PushResult,
-    Scene,
-    WorldParameters,
-)
+from sain_interfaces.msg import Bodies, Goal, Learning, Plan, PushResult, Scene, WorldParameters
 from sain_live.goals import first_goal
 from sain_live.state import (
     MOST_POINTS,

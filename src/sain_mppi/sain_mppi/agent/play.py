@@ -77,10 +77,7 @@ class PlayOutcome:
 
 
 def play(
-    agent: Agent,
-    world: AnyWorld[Any] | Sight,
-    tasks: Sequence[Task],
-    bodies: Bodies,
+    agent: Agent, world: AnyWorld[Any] | Sight, tasks: Sequence[Task], bodies: Bodies
 ) -> PlayOutcome:
     """Let an agent reach goals in a world that was reset, one after another, or stop.
 
