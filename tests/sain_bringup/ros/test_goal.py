@@ -21,7 +21,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def sender(ros_domain):
     with command_node("goal") as node:
-        yield GoalSender(node, Console(file=StringIO(), width=80))
+        yield GoalSender(node, 4.0, Console(file=StringIO(), width=80))
 
 
 def printed(sender):
@@ -32,7 +32,7 @@ def test_without_a_planner_it_says_what_it_waits_for_and_then_what_to_do(sender,
     monkeypatch.setattr("sain_bringup.ros.listener.ABSENT", 2.0)
     said = r"no planner in namespace /sain.*ROS_DOMAIN_ID.* \(waited 4 s\)"
     with pytest.raises(SilentError, match=said):
-        sender.send(Goal(), 4.0)
+        sender.send(Goal())
     first, *then = printed(sender)
     assert first == "waiting for a planner on /sain/reach, at most 4 s"
     assert sum("no planner in namespace /sain" in line for line in then) == 1

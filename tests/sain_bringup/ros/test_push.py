@@ -30,7 +30,7 @@ def sender(ros_domain):
 
 
 def printed(sender):
-    return sender._line._console.file.getvalue()
+    return sender._wait.line._console.file.getvalue()
 
 
 @pytest.fixture

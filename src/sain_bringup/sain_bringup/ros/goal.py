@@ -2,15 +2,12 @@
 
 import math
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.conditions import show_line
-from sain_core.cli.terminal import WaitingLine
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import TARGET
@@ -22,7 +19,6 @@ if TYPE_CHECKING:
     from sain_interfaces.msg import Goal
 
 NOT_REACHED: Final = 1
-PATIENCE: Final = 1.0  # [s] before a line says what is waited for
 WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 
 
@@ -54,32 +50,30 @@ class GoalOptions(Config):
 class GoalSender:
     """Sends one goal by the action, and prints what the planner says."""
 
-    def __init__(self, node: "Node", console: Console) -> None:
+    def __init__(self, node: "Node", timeout_s: float, console: Console) -> None:
         from rclpy.action import ActionClient
 
-        from sain_bringup.ros.listener import GraphListener
+        from sain_bringup.ros.listener import PLANNER, SCENES, GraphWait
         from sain_interfaces.action import Reach
 
         self.node = node
         self._console = console
         self._client = ActionClient(self.node, Reach, "reach")
-        self._line = WaitingLine(console, PATIENCE)
-        self._listener = GraphListener(node, partial(show_line, console), waiting=self._on_planner)
+        parts = PLANNER, SCENES
+        self._wait = GraphWait(node, console, timeout_s, parts, waiting=self._on_planner)
 
-    def send(self, goal: "Goal", timeout_s: float) -> Any:
+    def send(self, goal: "Goal") -> Any:
         """Send a goal; return its handle.
 
         Raises:
             SilentError: no planner, or no answer in time.
         """
-        from sain_bringup.ros.listener import wait_visibly
         from sain_interfaces.action import Reach
 
         where = self.node.resolve_topic_name("reach")
-        wait = partial(wait_visibly, self._listener, self._line, timeout_s)
-        wait(self._client.server_is_ready, f"a planner on {where}")
+        self._wait(self._client.server_is_ready, f"a planner on {where}")
         sent = self._client.send_goal_async(Reach.Goal(goal=goal), self._tell)
-        wait(sent.done, f"the answer of the planner on {where}")
+        self._wait(sent.done, f"the answer of the planner on {where}")
         return sent.result()
 
     def result(self, handle: Any) -> "Reach.Result":
@@ -88,7 +82,7 @@ class GoalSender:
 
         ended = handle.get_result_async()
         try:
-            with self._line:
+            with self._wait.line:
                 spin_until(self.node, ended.done, math.inf)
         except KeyboardInterrupt:
             self._console.print("cancelled; a push that is under way is executed to its end")
@@ -99,7 +93,7 @@ class GoalSender:
     def _on_planner(self, message: str) -> bool:
         """Show what the planner waits for, or that it does not."""
         waits = message.startswith(WAITS)
-        self._line.say(f"the planner {message}" if waits else "")
+        self._wait.line.say(f"the planner {message}" if waits else "")
         return waits
 
     def _tell(self, message: Any) -> None:
@@ -127,8 +121,8 @@ def run(options: GoalOptions, console: Console) -> int:
 
     endings = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
     with command_node("goal") as node:
-        sender = GoalSender(node, console)
-        result = sender.result(sender.send(goal_message(options), options.timeout))
+        sender = GoalSender(node, options.timeout, console)
+        result = sender.result(sender.send(goal_message(options)))
     count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
     where = f"{1e3 * result.goal_distance:.1f} mm"
     if result.status == Plan.REACHED:

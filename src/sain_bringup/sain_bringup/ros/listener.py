@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from time import monotonic
 from typing import Any, Final, NamedTuple
 
@@ -11,8 +12,9 @@ from rclpy.callback_groups import CallbackGroup
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rich.console import Console
 
-from sain_bringup.conditions import LASTS, Conditions, described
+from sain_bringup.conditions import LASTS, Conditions, described, show_line
 from sain_core.cli.terminal import WaitingLine
 from sain_core.errors import SainError
 from sain_core.guarding.locks import is_held
@@ -26,6 +28,7 @@ from sain_model.compute.kernel_store import describe_compilation
 LOOK: Final = 0.25  # [s] between looks at the graph
 ABSENT: Final = 2.0  # [s], after which a part is missing: discovery takes its time
 SILENT: Final = 2.5  # [s] without a scene
+PATIENCE: Final = 1.0  # [s] before a line says what is waited for
 CAUSE: Final = "cause"  # a figure of warnings that need not last: several pushes showed them
 SAIN: Final = "sain"  # `hardware_id` of our own nodes
 
@@ -77,34 +80,6 @@ class LatestMessage:
 
 class SilentError(SainError):
     """A part of the graph is missing, or does not answer."""
-
-
-def wait_visibly(
-    listener: "GraphListener",
-    line: WaitingLine,
-    timeout_s: float,
-    done: Callable[[], bool],
-    what: str,
-) -> None:
-    """Spin until something is done, and show what is waited for.
-
-    Time for compiling kernels is extra.
-
-    Raises:
-        SilentError: it did not come in time; with the first part of the graph that is missing.
-    """
-    node = listener.node
-    end = monotonic() + timeout_s
-    with line:
-        while not spin_until(node, done, LOOK):
-            if compilation := describe_compilation():
-                end = monotonic() + timeout_s
-            elif monotonic() >= end:
-                missing = (listener.absence(part) for part in listener.parts)
-                problem = next(filter(None, missing), f"{what} has not come")
-                raise SilentError(f"{problem} (waited {timeout_s:g} s)")
-            more = f": {compilation}" if compilation else f", at most {timeout_s:g} s"
-            line.say(f"waiting for {what}{more}")
 
 
 class GraphListener:
@@ -204,6 +179,37 @@ def domains_of(namespace: str) -> list[int]:
     pattern = re.compile(re.escape(lock_name("N", namespace)).replace("N", r"(\d+)", 1))
     found = ((pattern.fullmatch(path.name), path) for path in private_folder().iterdir())
     return sorted(int(match[1]) for match, path in found if match and is_held(path))
+
+
+class GraphWait:
+    """Waits for something in a graph for so long [s], and shows what it waits for."""
+
+    def __init__(
+        self, node: Node, console: Console, timeout_s: float, parts: tuple[Part, ...], **more: Any
+    ) -> None:
+        """Listen with a node; `parts` and `more` are as in `GraphListener`."""
+        self.line = WaitingLine(console, PATIENCE)
+        self._timeout_s = timeout_s
+        self._listener = GraphListener(node, partial(show_line, console), parts, **more)
+
+    def __call__(self, done: Callable[[], bool], what: str) -> None:
+        """Spin until something is done; time for compiling kernels is extra.
+
+        Raises:
+            SilentError: it did not come in time; with the first part of the graph that is missing.
+        """
+        listener, timeout_s = self._listener, self._timeout_s
+        end = monotonic() + timeout_s
+        with self.line:
+            while not spin_until(listener.node, done, LOOK):
+                if compilation := describe_compilation():
+                    end = monotonic() + timeout_s
+                elif monotonic() >= end:
+                    missing = (listener.absence(part) for part in listener.parts)
+                    problem = next(filter(None, missing), f"{what} has not come")
+                    raise SilentError(f"{problem} (waited {timeout_s:g} s)")
+                more = f": {compilation}" if compilation else f", at most {timeout_s:g} s"
+                self.line.say(f"waiting for {what}{more}")
 
 
 @contextmanager

@@ -1,9 +1,8 @@
 """``ros2 run sain_bringup push``: one push by hand, and what became of it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from math import inf
 from typing import TYPE_CHECKING, Final
 
@@ -11,8 +10,7 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.conditions import show_line
-from sain_core.cli.terminal import FittingTable, WaitingLine
+from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode
 from sain_core.push import DEFAULT_SPEED, make_push, push_ids
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     from sain_interfaces.msg import Bodies, PushResult, Scene
 
 DISK_NAMES: Final = ("mid disk", "target")
-PATIENCE: Final = 1.0  # [s] before a line shows what is waited for
 MATCHING: Final = 2.0  # [s] after which a subscriber that is not matched never will be
 
 
@@ -58,14 +55,12 @@ class PushSender:
 
     def __init__(self, node: "Node", timeout_s: float, console: Console) -> None:
         """Listen to the simulator; print what is waited for, and what is wrong in the graph."""
-        from sain_bringup.ros.listener import SCENES, GraphListener
+        from sain_bringup.ros.listener import SCENES, GraphWait
         from sain_core.ros.qos import LATCHED, RELIABLE
         from sain_interfaces.msg import Bodies, Push, PushResult, Scene
 
         self.node = node
-        self._listener = GraphListener(node, partial(show_line, console), (SCENES,))
-        self._line = WaitingLine(console, PATIENCE)
-        self._timeout_s = timeout_s
+        self._wait = GraphWait(node, console, timeout_s, (SCENES,))
         self._push_id = next(push_ids())
         self._scene: "Scene | None" = None
         self._result: "PushResult | None" = None
@@ -117,11 +112,6 @@ class PushSender:
         if matched[0] >= len(takers) and matched[1] >= len(answering):
             return True
         return min(matched) > 0 and now - self._executor_at > MATCHING
-
-    def _wait(self, done: Callable[[], bool], what: str) -> None:
-        from sain_bringup.ros.listener import wait_visibly
-
-        wait_visibly(self._listener, self._line, self._timeout_s, done, what)
 
     def _on_scene(self, message: "Scene") -> None:
         self._scene = message if message.settled else None

@@ -1,15 +1,11 @@
 """``ros2 run sain_bringup reset``: another episode, and where its bodies are."""
 
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 from rich.markup import escape
 
-from sain_bringup.conditions import show_line
-from sain_bringup.ros.push import PATIENCE
-from sain_core.cli.terminal import WaitingLine
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
@@ -47,11 +43,10 @@ def run(options: ResetOptions, console: Console) -> int:
 
 
 def _reset(node: "Node", options: ResetOptions, console: Console) -> "ResetScene.Response":
-    from sain_bringup.ros.listener import SCENES, GraphListener, wait_visibly
+    from sain_bringup.ros.listener import SCENES, GraphWait
     from sain_interfaces.srv import ResetScene
 
-    listener = GraphListener(node, partial(show_line, console), (SCENES,))
-    wait = partial(wait_visibly, listener, WaitingLine(console, PATIENCE), options.timeout)
+    wait = GraphWait(node, console, options.timeout, (SCENES,))
     client, name = node.create_client(ResetScene, SERVICE), node.resolve_service_name(SERVICE)
     wait(client.service_is_ready, f"a simulator on {name}, which a robot has not,")
     answer = client.call_async(ResetScene.Request(seed=options.seed))

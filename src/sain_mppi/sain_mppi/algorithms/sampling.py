@@ -11,7 +11,7 @@ from numpy import ndarray
 from sain_core.errors import OutOfRangeError
 from sain_core.goal import Goal
 from sain_core.push import BODY, LENGTH, LOCATION, PATH, PushLimits, idle_pushes
-from sain_core.scene import POSITION, wrap_angle
+from sain_core.scene import wrap_angle
 from sain_core.types import (
     PredictedScenes,
     PushArray,
@@ -153,11 +153,6 @@ class Shown:
     predicted: PredictedScenes  # (R, H, N, 8)
     costs: Scalars  # (R,), finite
 
-    def ways(self, scene: Scene, disk: int) -> Float[ndarray, "R S 2"]:
-        """Return where each leads a disk, from the scene (N, 8) on: H + 1 places."""
-        start = np.broadcast_to(scene[disk, POSITION], (len(self.predicted), 1, 2))
-        return np.concatenate([start, self.predicted[:, :, disk, POSITION]], axis=1)
-
     @classmethod
     def of(cls, predicted: PredictedScenes, costs: Scalars, count: int) -> Self:
         """Return up to so many, evenly spread from the cheapest to the most expensive."""
@@ -212,10 +207,6 @@ class PlanResult:
     def push(self) -> PushArray:
         """The push (5,) to execute."""
         return np.asarray(self.pushes[0])
-
-    def way(self, scene: Scene, disk: int) -> Float[ndarray, "S 2"]:
-        """Return where the plan leads a disk, from the scene (N, 8) on: H + 1 places."""
-        return np.concatenate([scene[None], self.predicted])[:, disk, POSITION]
 
     @property
     def improves(self) -> bool:
