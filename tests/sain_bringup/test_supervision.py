@@ -10,7 +10,6 @@ import pytest
 
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.processes import StopTimes, Supervisor
-from sain_core.guarding import lifetime
 
 QUICK = StopTimes(interrupt=0.3, terminate=0.3, patience=0.5, kill=1.0)
 LIVELY = """
@@ -41,9 +40,9 @@ while not asked:
     lifetime.alive()
     time.sleep(0.05)
 lifetime.stopping("joining the parts")
-until = time.monotonic() + {seconds}
+until = time.monotonic() + 3.0  # longer than anything else may take
 while time.monotonic() < until and len(asked) < 2:
-    {beat}
+    lifetime.alive()
     time.sleep(0.05)
 print("joined" if len(asked) == 1 else "parts are left", flush=True)
 """
@@ -138,27 +137,13 @@ def test_one_that_ends_as_asked_is_not_restarted(supervisor, ending):
         until(supervisor, lambda: False)
 
 
-def test_only_the_process_itself_is_heard(supervisor, monkeypatch):
-    start(supervisor, "import time; time.sleep(600)")
-    (child,) = supervisor.children
-    for name, value in child.heartbeats.environment.items():
-        monkeypatch.setenv(name, value)
-    lifetime.ready()  # as somebody else
-    assert supervisor.starting(["node"]) == ["node"]
-
-
-def start_joining(supervisor: Supervisor, seconds: float, beat: str = "lifetime.alive()") -> None:
-    code = JOINING.format(seconds=seconds, beat=beat)
-    command = [sys.executable, "-c", code]
-    supervisor.start("recorder", command, again=command, patient=True)
-    wait_until_ready(supervisor)
-
-
 @pytest.mark.parametrize("closed_before", [True, False])
 def test_joining_takes_as_long_as_it_takes_and_that_is_told(
     closed_before, supervisor, told, tmp_path
 ):
-    start_joining(supervisor, 3.0)  # longer than anything else may take
+    command = [sys.executable, "-c", JOINING]
+    supervisor.start("recorder", command, again=command, patient=True)
+    wait_until_ready(supervisor)
     if closed_before:
         supervisor.close_files(0.1)
     assert supervisor.stop() == []

@@ -7,7 +7,6 @@ import pytest
 from websockets.exceptions import InvalidStatus
 
 from sain_core.push import make_push
-from sain_core.wire.scene_door import SeenScene
 from sain_core.world import PushRecord
 from sain_live.page.serving import refusal
 from sain_live.requests import Follow, LoadModel, Pause, Reset, SetGoal, SetParameter
@@ -26,17 +25,6 @@ def shown():
         viewer.wait(lambda: GOAL in viewer.nodes and page.viewers == 1, "the page")
         yield state, requests, page, viewer
         viewer.close()
-
-
-def test_bodies_are_where_they_are(shown):
-    state, _, _, viewer = shown
-    viewer.wait(lambda: "position" in viewer.nodes["/bodies/1"], "body 1")
-    assert viewer.nodes["/bodies/1"]["position"][:2] == pytest.approx((0.6, -0.2))
-    moved = SCENE.copy()
-    moved[1, :3] = 0.7, 0.1, np.pi / 2
-    state.update(scene=SeenScene(moved, 1, 2))
-    viewer.wait(lambda: viewer.nodes["/bodies/1"]["position"][0] > 0.69, "body 1 to move")
-    assert viewer.nodes["/bodies/1"]["wxyz"] == pytest.approx((0.5**0.5, 0, 0, 0.5**0.5))
 
 
 def test_a_dragged_goal_is_an_order(shown):

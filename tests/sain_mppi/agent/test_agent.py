@@ -117,16 +117,6 @@ def test_goal_and_scene_come_in_any_order_and_an_unsettled_scene_is_not_decided_
     assert pushed(act(agent, GoalGiven(replace(TASK, goal_id=2)))).job.task.goal_id == 2
 
 
-def test_a_goal_that_cannot_be_served_is_a_stop(agent, scene):
-    goal = GoalGiven(replace(TASK, goal=Goal.place(3.0, 0.0)))
-    stop = stopped(act(agent, SceneObserved(scene, 1, 1), goal))
-    assert (stop.reason, stop.error.code) == (StopReason.FAILED, ErrorCode.OFF_TABLE)
-    assert stop.failure.startswith(
-        "OffTableError: the goal (3.000, 0.000) m of body 1 is off the table"
-    )
-    assert act(agent, TimePassed()) is None
-
-
 def test_a_push_outside_the_limits_is_never_sent(scene):
     agent = Agent(Fixed([0.0, 0.0, 0.5]), CONFIG)
     stop = stopped(begun(agent, scene))

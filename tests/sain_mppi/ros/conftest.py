@@ -1,6 +1,7 @@
 import pytest
 
-from tests.sain_mppi.ros.straw import Straw
+from sain_mppi.ros.mppi_node import MppiNode
+from tests.sain_mppi.ros.straw import SMALL, Straw
 
 
 @pytest.fixture
@@ -9,3 +10,12 @@ def straw(graph):
     straw = Straw(graph)
     graph.wait(lambda: straw.scenes.get_subscription_count() == 1, "the bystander")
     return straw
+
+
+@pytest.fixture
+def planner(graph, straw):
+    """The node with its model in process, connected."""
+    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
+    return node

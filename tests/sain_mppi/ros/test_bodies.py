@@ -14,9 +14,8 @@ from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_model.physics.planar import PlanarPrior
-from sain_mppi.ros.mppi_node import MppiNode
 from tests.rviz import shown
-from tests.sain_mppi.ros.straw import SMALL, nth_push, plan
+from tests.sain_mppi.ros.straw import nth_push, plan
 
 SCENE = make_scene(
     np.array([(0.45, 0.0), (0.60, 0.25)]), np.full(2, 8.0), np.array([0.09, 0.05]), np.zeros(2)
@@ -38,15 +37,11 @@ def shapes(graph):
     return send
 
 
-@pytest.fixture
-def planner(graph, straw, shapes):
-    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
+@pytest.fixture(autouse=True)
+def connected(graph, shapes, planner):
     graph.listen("/diagnostics", DiagnosticArray)
-    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     graph.wait(lambda: shapes.publisher.get_subscription_count() == 2, "the planner")
-    graph.wait(lambda: node.count_publishers("shapes") == 1, "who sends shapes")
-    return node
+    graph.wait(lambda: planner.count_publishers("shapes") == 1, "who sends shapes")
 
 
 def warned(graph, text):

@@ -14,19 +14,11 @@ from sain_core.scene import POSITION
 from sain_core.shapes.bodies import Bodies
 from sain_interfaces.action import Reach
 from sain_interfaces.msg import Goal, GoalPose, Plan
-from sain_mppi.ros.mppi_node import MppiNode
-from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
+from tests.sain_mppi.ros.straw import GOAL, START, nth_push, plan
 
 POSE = GoalPose(body=1, x=GOAL[0], y=GOAL[1])
 THERE = START.copy()
 THERE[1, POSITION] = GOAL
-
-
-@pytest.fixture
-def planner(graph, straw):
-    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
-    return node
 
 
 @pytest.fixture
@@ -150,13 +142,3 @@ def test_a_cancelled_action_sends_no_more_pushes(graph, straw, planner, client):
     straw.show(scene_id=2)
     graph.spin(1.0)
     assert len(graph.heard["push"]) == 1
-
-
-def test_a_newer_goal_ends_the_action(graph, straw, planner, client):
-    straw.show()
-    handle = send(graph, client)
-    nth_push(graph, 1)
-    graph.aim((0.45, 0.2), 7)
-    answer = result_of(graph, handle)
-    assert answer.status == GoalStatus.STATUS_ABORTED
-    assert answer.result.error_message == "goal 7 was given"

@@ -11,17 +11,8 @@ from sain_core.scene import POSITION
 from sain_interfaces.msg import Plan
 from sain_model.physics.planar import PlanarPrior
 from sain_mppi.agent.dead_end import Cause
-from sain_mppi.ros.mppi_node import MppiNode
 from sain_mppi.ros.plans import CAUSE, summary
-from tests.sain_mppi.ros.straw import GOAL, SMALL, START, nth_push, plan
-
-
-@pytest.fixture
-def planner(graph, straw):
-    node = graph.start(MppiNode, dynamics="in_process", model="planar", **SMALL)
-    graph.wait(lambda: straw.scenes.get_subscription_count() == 2, "the planner")
-    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
-    return node
+from tests.sain_mppi.ros.straw import GOAL, START, nth_push, plan
 
 
 def test_a_settled_scene_is_answered_with_one_push_and_its_plan(graph, straw, planner):
