@@ -8,7 +8,8 @@ import tyro
 from rich.console import Console
 from rich.markup import escape
 
-from sain_core.config import Config, option
+from sain_bringup.waiting import WaitOptions
+from sain_core.config import option
 from sain_core.errors import ErrorCode
 from sain_core.scene import TARGET
 
@@ -23,7 +24,7 @@ WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 
 
 @dataclass(frozen=True)
-class GoalOptions(Config):
+class GoalOptions(WaitOptions):
     """Give the planner a goal, print each push on the way, and how it ended.
 
     Ctrl-C cancels the goal. Exits with 0 when it was reached, and otherwise with the error code
@@ -44,7 +45,6 @@ class GoalOptions(Config):
         0.02, "largest distance that counts as reached", unit="m", minimum=1e-4, maximum=0.2
     )
     max_pushes: int = option(30, "pushes after which to give up; 0: never", minimum=0)
-    timeout: float = option(10.0, "longest wait for the planner", unit="s", minimum=0.0)
 
 
 class GoalSender:

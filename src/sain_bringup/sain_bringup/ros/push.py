@@ -10,8 +10,9 @@ import numpy as np
 from rich.console import Console
 from rich.markup import escape
 
+from sain_bringup.waiting import WaitOptions
 from sain_core.cli.terminal import FittingTable
-from sain_core.config import Config, option
+from sain_core.config import option
 from sain_core.errors import ErrorCode
 from sain_core.push import DEFAULT_SPEED, make_push, push_ids
 from sain_core.scene import POSITION, THETA
@@ -29,7 +30,7 @@ MATCHING: Final = 2.0  # [s] after which a subscriber that is not matched never 
 
 
 @dataclass(frozen=True)
-class PushOptions(Config):
+class PushOptions(WaitOptions):
     """Send one push to the simulator and print what became of it.
 
     Exits with 0 when the push was carried out, and with the error code of the refusal when not.
@@ -47,7 +48,6 @@ class PushOptions(Config):
     length: float = option(0.1, "travel of the tool, 0 to 0.15", unit="m")
     speed: float = option(DEFAULT_SPEED, "of the tool, 0.01 to 0.5", unit="m/s")
     body: int = option(0, "body to push, as counted in the scene", minimum=0, maximum=2**32 - 1)
-    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
 class PushSender:

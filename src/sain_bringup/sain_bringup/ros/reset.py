@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Final
 from rich.console import Console
 from rich.markup import escape
 
-from sain_core.config import MOST_SEED, Config, option
+from sain_bringup.waiting import WaitOptions
+from sain_core.config import MOST_SEED, option
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
 from sain_core.wire import decode_disks
@@ -20,11 +21,10 @@ SERVICE: Final = "reset_scene"
 
 
 @dataclass(frozen=True)
-class ResetOptions(Config):
+class ResetOptions(WaitOptions):
     """Begin another episode in the simulator, and print where its bodies are."""
 
     seed: int = option(0, "of the episode", minimum=0, maximum=MOST_SEED)
-    timeout: float = option(10.0, "longest wait for the simulator", unit="s", minimum=0.0)
 
 
 def run(options: ResetOptions, console: Console) -> int:

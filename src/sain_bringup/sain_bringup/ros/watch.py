@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 import tyro
 from rich.console import Console
 
-from sain_core.config import Config, option
+from sain_bringup.waiting import WaitOptions
+from sain_core.config import option
 from sain_core.errors import ConfigError
 from sain_core.guarding.plugins import nearest
 
@@ -26,14 +27,13 @@ SHOWN: Final = 12  # numbers of an array
 
 
 @dataclass(frozen=True)
-class WatchOptions(Config):
+class WatchOptions(WaitOptions):
     """Print the messages of a topic, or list the topics when none is given."""
 
     topic: Annotated[str, tyro.conf.Positional] = option(
         "", "for example scene, push_result or /clock"
     )
     count: int = option(0, "end after so many messages; 0: at Ctrl-C", minimum=0)
-    timeout: float = option(10.0, "longest wait for topics to appear", unit="s", minimum=0.0)
 
 
 class Watcher:
