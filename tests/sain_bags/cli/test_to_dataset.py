@@ -17,6 +17,7 @@ from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
 from sain_core.model import load_dynamics
 from sain_core.workers import WorkerOptions
+from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
 from tests.sain_bags.independent import compare, independent_rows
 
@@ -226,3 +227,18 @@ def test_a_damaged_recording_of_several_is_named(record: Start, tmp_path: Path) 
     for workers in (1, 2):
         with pytest.raises(DatasetError, match="broken"):
             convert(bags, tmp_path / str(workers), workers=WorkerOptions(workers=workers))
+
+
+def test_rows_have_the_friction_of_their_episode(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    driver = Drive(recording)
+    for episode, friction in ((1, 0.15), (2, None), (3, 0.09)):
+        if friction:
+            driver.world(episode, friction)
+        driver.episode(episode, [10 * episode, 10 * episode + 1])
+    recording.writer.close()
+    convert([recording.writer.folder], tmp_path / "out")
+    expected = [0.15, 0.15, np.nan, np.nan, 0.09, 0.09]
+    np.testing.assert_array_equal(load_dataset(tmp_path / "out").alike.friction, expected)
+    np.testing.assert_array_equal(shards(tmp_path / "out")["rim_friction"], 2 * np.array(expected))
+    np.testing.assert_array_equal(shards(tmp_path / "out")["tool_friction"], 3 * np.array(expected))

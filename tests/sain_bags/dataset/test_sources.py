@@ -79,7 +79,7 @@ def test_several_graphs_must_be_told_apart(record: Start, tmp_path: Path) -> Non
     bag = recording.writer.folder
     with pytest.raises(DatasetError, match="several graphs; choose one of /left, /right"):
         convert([bag], tmp_path / "out")
-    with pytest.raises(DatasetError, match="no pushes of a graph '/up', only of /left, /right"):
+    with pytest.raises(DatasetError, match="no graph '/up'; it has /left, /right"):
         convert([bag], tmp_path / "out", ConversionConfig(namespace="/up"))
     right = convert([bag], tmp_path / "out", ConversionConfig(namespace="/right"))
     assert right.transitions == 3

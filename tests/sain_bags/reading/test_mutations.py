@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.rosbag2 import StoragePlugin, Writer
 
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag
@@ -15,6 +14,7 @@ from sain_core.errors import DatasetError
 from sain_core.randomness import generator
 from tests.sain_bags.driven import Drive
 from tests.sain_bags.independent import shards
+from tests.sain_bags.writing.test_elsewhere import sqlite_bag
 
 ROUNDS = 60
 NO_CRCS = "it has no CRCs"
@@ -30,22 +30,8 @@ def bags(record: Callable[..., Any], tmp_path: Path) -> dict[str, tuple[Path, Pa
         Drive(recording, seed=seed).episode(1, [1, 2, 3, 4])
         recording.writer.close()
         made.append(Path(recording.writer.folder))
-    return {"mcap": (made[0], made[1]), "sqlite3": (sqlite(made[0]), sqlite(made[1]))}
-
-
-def sqlite(bag: Path) -> Path:
-    """Copy a bag to the other storage, as rosbag2 has it."""
-    ours, folder = Bag(bag), bag.with_name(f"{bag.name}_sqlite")
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        connections = {
-            found.topic: writer.add_connection(
-                found.topic, found.type, msgdef=found.definition(), rihs01="RIHS01_" + 64 * "0"
-            )
-            for found in ours.channels
-        }
-        for raw in ours.raw_messages():
-            writer.write(connections[raw.topic], raw.log_time, raw.data)
-    return folder
+    copies = [sqlite_bag(one, one.with_name(f"{one.name}_sqlite")) for one in made]
+    return {"mcap": (made[0], made[1]), "sqlite3": (copies[0], copies[1])}
 
 
 def mutated(file: Path, other: Path, random: np.random.Generator) -> str:

@@ -7,7 +7,7 @@ publishes has no text of its own: it is made of the service's.
 """
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
@@ -49,7 +49,17 @@ class Definitions:
 
         This is the schema encoding ``ros2msg`` of the MCAP registry.
         """
-        return join(type_name, self.text)
+        parts = [self.text(type_name).rstrip("\n")]
+        for name in sorted(self._dependencies(type_name, set())):
+            parts.append(f"{SEPARATOR}\nMSG: {name}\n{self.text(name)}".rstrip("\n"))
+        return "\n".join(parts) + "\n"
+
+    def _dependencies(self, type_name: str, seen: set[str]) -> set[str]:
+        for name in referred_types(type_name, self.text(type_name)):
+            if name not in seen:
+                seen.add(name)
+                self._dependencies(name, seen)
+        return seen
 
     def _read(self, type_name: str) -> str:
         package, kind, name = _split(type_name)
@@ -71,22 +81,6 @@ class Definitions:
             os.pathsep.join(map(str, self._prefixes)) or "nothing (AMENT_PREFIX_PATH is empty)"
         )
         raise InvalidInputError(f"no definition of {type_name} is installed; searched {searched}")
-
-
-def join(type_name: str, text_of: Callable[[str], str]) -> str:
-    """Return a type's definition followed by those of everything it refers to."""
-    parts = [text_of(type_name).rstrip("\n")]
-    for name in sorted(_dependencies(type_name, text_of, set())):
-        parts.append(f"{SEPARATOR}\nMSG: {name}\n{text_of(name)}".rstrip("\n"))
-    return "\n".join(parts) + "\n"
-
-
-def _dependencies(type_name: str, text_of: Callable[[str], str], seen: set[str]) -> set[str]:
-    for name in referred_types(type_name, text_of(type_name)):
-        if name not in seen:
-            seen.add(name)
-            _dependencies(name, text_of, seen)
-    return seen
 
 
 def referred_types(type_name: str, text: str) -> Iterator[str]:

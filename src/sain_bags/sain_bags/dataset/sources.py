@@ -14,6 +14,7 @@ from sain_bags.rows.topics import (
     PUSH,
     PUSH_RESULT,
     SCENE,
+    choose_graph,
     left_out,
     namespaces,
     parent_of,
@@ -106,7 +107,7 @@ def open_source(path: Path, namespace: str | None) -> Source:
     """Open one recording; see `find_sources`."""
     bag = Bag(path)
     found = namespaces(bag, PUSH, PUSH_RESULT) or namespaces(bag)
-    chosen = _choose(bag, found, namespace)
+    chosen = choose_graph(bag, found, namespace)
     counts = dict.fromkeys(sorted(COUNTED), 0)
     for topic in bag.topics:
         if topic.type in counts and parent_of(topic.name) == chosen:
@@ -116,18 +117,6 @@ def open_source(path: Path, namespace: str | None) -> Source:
             f"{path} holds no pushes to learn from: no {PUSH_RESULT}; it has {_contents(bag)}"
         )
     return Source(bag, chosen, _hash(bag.files), counts)
-
-
-def _choose(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
-    if wanted is not None and wanted not in found:
-        held = f"only of {', '.join(found)}" if found else "and of no other"
-        raise DatasetError(f"{bag.path} holds no pushes of a graph {wanted!r}, {held}")
-    if wanted is None and len(found) > 1:
-        raise DatasetError(
-            f"{bag.path} holds the pushes of several graphs; choose one of {', '.join(found)}"
-            " with --namespace"
-        )
-    return wanted if wanted is not None else next(iter(found), "")
 
 
 def _contents(bag: Bag) -> str:

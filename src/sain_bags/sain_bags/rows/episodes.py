@@ -19,6 +19,7 @@ from sain_bags.rows.topics import (
     PUSH_RESULT,
     SCENE,
     WORLD,
+    choose_graph,
     namespaces,
     topics_of,
 )
@@ -142,7 +143,10 @@ def read_episodes(
         DatasetError: the bag holds no scenes, or those of several namespaces and none was chosen,
             or a message that makes no sense or lacks a field.
     """
-    namespace = _choose(namespaces(bag, SCENE, PUSH_RESULT), namespace, bag)
+    found = namespaces(bag, SCENE, PUSH_RESULT)
+    if not found:
+        raise DatasetError(f"{bag.path} holds no scenes ({SCENE}); it is no recording of the graph")
+    namespace = choose_graph(bag, found, namespace)
     reader = _Reader(on_scene)
     try:
         for one in _received(bag, namespace):
@@ -173,16 +177,6 @@ def _received(bag: Bag, namespace: str) -> Iterator[Received | RecordedPush]:
                 yield next(pushes)
             else:
                 yield Received(topic, kind, bag.decode(number, batch.message(place)), *moments)
-
-
-def _choose(found: tuple[str, ...], wanted: str | None, bag: Bag) -> str:
-    if not found:
-        raise DatasetError(f"{bag.path} holds no scenes ({SCENE}); it is no recording of the graph")
-    if wanted is None and len(found) > 1:
-        raise DatasetError(f"{bag.path} holds several graphs; choose one of {', '.join(found)}")
-    if wanted is not None and wanted not in found:
-        raise DatasetError(f"{bag.path} holds no graph {wanted!r}; it has {', '.join(found)}")
-    return found[0] if wanted is None else wanted
 
 
 @dataclass

@@ -1,10 +1,11 @@
 """The graph's topics in a bag: their types, and the namespaces they are in."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 from sain_bags.bag.metadata import OWN_TYPES
 from sain_bags.reading.reader import Bag, TopicSummary
+from sain_core.errors import DatasetError
 
 SCENE: Final = "sain_interfaces/msg/Scene"
 GOAL: Final = "sain_interfaces/msg/Goal"
@@ -19,6 +20,18 @@ def namespaces(bag: Bag, *types: str) -> tuple[str, ...]:
     """Return the namespaces in which the bag has messages of some types, or else scenes."""
     wanted = types or (SCENE,)
     return tuple(sorted({parent_of(topic.name) for topic in bag.topics if topic.type in wanted}))
+
+
+def choose_graph(bag: Bag, found: Sequence[str], wanted: str | None) -> str:
+    """Return the namespace to read, of those that are in a bag; raises `DatasetError`."""
+    if wanted is None and len(found) > 1:
+        raise DatasetError(
+            f"{bag.path} holds several graphs; choose one of {', '.join(found)} with --namespace"
+        )
+    if wanted is not None and wanted not in found:
+        held = f"it has {', '.join(found)}" if found else "it has none"
+        raise DatasetError(f"{bag.path} holds no graph {wanted!r}; {held}")
+    return wanted if wanted is not None else next(iter(found), "")
 
 
 def topics_of(bag: Bag, namespace: str, *types: str) -> tuple[str, ...]:
