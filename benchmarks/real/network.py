@@ -157,7 +157,7 @@ class OfKnown:
         """Return what is predicted with what is believed of each body."""
         places = believed_places(part, self.physics.kind, self.physics.places)
         chosen = np.full(len(part), corrected)
-        rows = Inferred(Posterior.at(self.model.belief, 0, places), chosen)
+        rows = Inferred(Posterior.at(0, places), chosen)
         return self.model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
 

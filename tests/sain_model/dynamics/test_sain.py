@@ -59,7 +59,7 @@ def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(rando
     np.testing.assert_allclose(prediction.members, spread, atol=1e-6)
     assert spread.max() > 1e-3 and (prediction.members[:5] == 0.0).all()
     assert prediction.radius is None
-    assert (alone(lone[0]).predict(scenes, pushes).spread == 0.0).all()
+    assert (alone(lone[0]).predict(scenes, pushes).members == 0.0).all()
 
 
 def test_what_is_not_known_of_the_friction_is_told_and_earlier_pushes_make_it_less(random_pushes):

@@ -362,7 +362,7 @@ def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) ->
     """Return by how much the network explains the pushes better than the physics alone."""
     odds = KEEP
     for part in parts:
-        posterior = Posterior.at(model.belief, number, found.places[part.episode])
+        posterior = Posterior.at(number, found.places[part.episode])
         rows = Inferred(posterior, np.ones(len(part), dtype=bool))
         both = model.with_bodies(part.bodies).step_rows(part.state, part.action, rows)
         plain, corrected = (

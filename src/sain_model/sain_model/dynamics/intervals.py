@@ -207,11 +207,6 @@ class Prediction:
     # half of the interval that holds the heading [rad]; None: it has none of headings
     turn: Float[ndarray, "B N"] | None = None
 
-    @property
-    def spread(self) -> Float[ndarray, "B N"]:
-        """What is open altogether, the members and the friction [m]."""
-        return np.hypot(self.members, self.friction)
-
     def widened(self, factors: Float[ndarray, "2 B"]) -> "Prediction":
         """Return it with regions of places and headings times factors."""
         assert self.radius is not None

@@ -37,16 +37,12 @@ class Posterior:
     inferred: Bool[ndarray, "R"]
     places: Places  # vectors z of that kind; 0 beyond its own parameters
     spreads: Places  # standard deviations of z
-    # of each kind by its grid, and of all parameters of the best one
-    log_evidence: Float[ndarray, "R H"]
-    pushes: Int[ndarray, "R"]  # how many pushes each row is conditioned on
 
     @classmethod
-    def at(cls, belief: Belief, kind: int, places: Places) -> Self:
+    def at(cls, kind: int, places: Places) -> Self:
         """Return rows with one kind of physics at vectors z (R, D)."""
-        count, nothing = len(places), np.zeros(len(places), np.int64)
-        evidence = np.zeros((count, len(belief.kinds) + 1))
-        return cls(nothing + kind, nothing > 0, places, np.zeros_like(places), evidence, nothing)
+        nothing = np.zeros(len(places), np.int64)
+        return cls(nothing + kind, nothing > 0, places, np.zeros_like(places))
 
     def of_rows(self, rows: Int[ndarray, "C"] | slice) -> Self:
         """Return some rows, any of them as often as its number is given."""
@@ -89,7 +85,7 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         np.stack([np.pad(p, ((0, 0), (0, width - p.shape[1]))) for p in parts], axis=1)[rows, best]
         for parts in ([one.places for one in alone], [one.spreads for one in alone])
     )
-    together, inferred = np.full(known.rows, -np.inf), np.zeros(known.rows, dtype=bool)
+    inferred = np.zeros(known.rows, dtype=bool)
     for chosen, kind in _of_kinds(belief, best):
         some = chosen[known.counts[chosen] > 0]
         if not len(some) or len(kind.on_grid) == len(kind.names):
@@ -98,14 +94,13 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         observed = pushes.select(part.push).in_episodes(part.row)
         steps = STEPS_OF_BODIES if kind.of_bodies else STEPS
         found = fit(kind, [observed], places[some, :count], np.arange(len(some)), steps)
-        together[some] = found.log_evidence + kind.log_odds_of(pushes.bodies)
-        better = together[some] > log_evidence[some, best[some]]
+        together = found.log_evidence + kind.log_odds_of(pushes.bodies)
+        better = together > log_evidence[some, best[some]]
         inferred[some] = better
         places[some[better], :count] = found.places[better]
         deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
         spreads[some[better], :count] = deviations[better]
-    log_evidence = np.column_stack([log_evidence, together])
-    return Posterior(best, inferred, places, spreads, log_evidence, known.counts)
+    return Posterior(best, inferred, places, spreads)
 
 
 def step_rows(
