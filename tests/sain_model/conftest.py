@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from sain_core.model import Model
-from sain_core.push import LENGTH, LOCATION, PushLimits
+from sain_core.push import BODY, LENGTH, LOCATION, SPEED, PushLimits
 from sain_core.scene import MASS, POSITION, make_scene, unit
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Split
@@ -68,6 +68,17 @@ def draw_pushes(batch: int, seed: int) -> tuple[Scenes, Pushes]:
         ]
     )
     return scenes, PushLimits().sample(random, batch)
+
+
+def push_two_bodies(count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
+    """Return one scene of two bodies so many times, and pushes of any kind against either."""
+    random = np.random.default_rng(seed)
+    places = np.array([(0.45, 0.0), (0.58, 0.02)])
+    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
+    pushes = PushLimits().sample(random, count)
+    pushes[:, BODY] = random.integers(2, size=count)
+    pushes[:, SPEED] = random.uniform(0.05, 0.3, count)
+    return np.repeat(scene[None], count, axis=0), pushes
 
 
 @pytest.fixture

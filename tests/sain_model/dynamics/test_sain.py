@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from sain_core.push import LENGTH
-from sain_core.scene import POSITION, THETA, X, make_scene, wrap_angle
+from sain_core.scene import POSITION, THETA, X, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Region
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
@@ -16,7 +15,7 @@ from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-from tests.sain_model.conftest import random_network
+from tests.sain_model.conftest import push_two_bodies, random_network
 from tests.strokes import rotate_pushes, rotate_scenes
 
 NARROW = {"hidden": 16, "message": 8}
@@ -93,19 +92,9 @@ def shaped():
     return sain.with_bodies(T_AND_STAR)
 
 
-def pushes_of(count: int) -> tuple[Scenes, Pushes]:
-    places = np.array([(0.45, 0.0), (0.58, 0.02)])
-    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
-    random = np.random.default_rng(1)
-    angles = random.uniform(-3, 3, count), random.uniform(-0.7, 0.7, count)
-    lengths, body = random.uniform(0.02, 0.15, count), random.integers(2, size=count)
-    pushes = np.column_stack([body, *angles, lengths, np.full(count, 0.2)])
-    return np.repeat(scene[None], count, axis=0), pushes
-
-
 def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
     """In a graph, from the history, as in an evaluation, from the rows of an episode."""
-    scenes, pushes = pushes_of(6)
+    scenes, pushes = push_two_bodies(6, 1)
     after = PlanarPrior(PlanarConfig(friction=0.19)).with_bodies(T_AND_STAR).step(scenes, pushes)
     after[..., :2] += 0.02
     state, action, following = scenes[:5], pushes[:5], after[:5]

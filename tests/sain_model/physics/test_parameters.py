@@ -8,11 +8,12 @@ import pytest
 
 from sain_core.errors import InvalidInputError
 from sain_core.push import ANGLE, BODY, LOCATION, SPEED
-from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, wrap_angle
+from sain_core.scene import POSITION, THETA, mirror_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
-from sain_core.types import Pushes, Scenes
+from sain_core.types import Scenes
 from sain_model.physics.parameters import AXES, BY_NAME, OF_BODIES, PlanarConfig
 from sain_model.physics.planar import PlanarPrior
+from tests.sain_model.conftest import push_two_bodies
 from tests.strokes import rotate_scenes
 
 EVERY = ("disk", "disk"), ("t", "star"), ("disk", "half_ring")
@@ -21,22 +22,6 @@ ON_BOTH = pytest.mark.parametrize("bottom", ["feet", "flat"])
 
 def kinds(*names: str) -> Bodies:
     return Bodies.named(list(names), [Role.PUSHABLE] * len(names))
-
-
-def draw(count: int, seed: int = 0) -> tuple[Scenes, Pushes]:
-    random = np.random.default_rng(seed)
-    places = np.array([(0.45, 0.0), (0.58, 0.02)])
-    scene = make_scene(places, np.array([8.0, 7.5]), np.array([0.07, 0.06]), np.array([0.3, 1.0]))
-    pushes = np.column_stack(
-        [
-            random.integers(2, size=count),
-            random.uniform(-3, 3, count),
-            random.uniform(-0.7, 0.7, count),
-            random.uniform(0.05, 0.15, count),
-            random.uniform(0.05, 0.3, count),
-        ]
-    )
-    return np.repeat(scene[None], count, axis=0), pushes
 
 
 WIDE = (
@@ -74,7 +59,7 @@ def close(first: Scenes, second: Scenes) -> None:
 )
 @pytest.mark.parametrize("names", EVERY)
 def test_the_values_of_the_settings_change_no_bit(names, config, bottom):
-    scenes, pushes = draw(40)
+    scenes, pushes = push_two_bodies(40)
     prior = PlanarPrior(config, kinds(*names).on(bottom))
     values = {one.name: np.full(40, getattr(config, one.name)) for one in BY_NAME.values()}
     np.testing.assert_array_equal(prior.step(scenes, pushes, values), prior.step(scenes, pushes))
@@ -85,7 +70,7 @@ def test_the_values_of_the_settings_change_no_bit(names, config, bottom):
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
 def test_a_batch_is_a_loop_to_the_bit_on_any_number_of_threads(names, bottom):
-    scenes, pushes = draw(30, 1)
+    scenes, pushes = push_two_bodies(30, 1)
     before = scenes.copy()
     values, prior = draw_values(30, 2, 1), PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     together, threads = prior.step(scenes, pushes, values), numba.get_num_threads()
@@ -104,7 +89,7 @@ def test_a_batch_is_a_loop_to_the_bit_on_any_number_of_threads(names, bottom):
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
 def test_a_turned_scene_on_a_turned_slope_ends_turned(names, bottom):
-    scenes, pushes = draw(30, 4)
+    scenes, pushes = push_two_bodies(30, 4)
     values, angle = draw_values(30, 2, 4), 1.3
     prior = PlanarPrior(PlanarConfig(), kinds(*names).on(bottom))
     after = prior.step(scenes, pushes, values)
@@ -130,7 +115,7 @@ def test_a_turned_scene_on_a_turned_slope_ends_turned(names, bottom):
 
 @pytest.mark.parametrize("names", [("disk", "disk"), ("disk:flat", "square:flat")])
 def test_a_mirrored_scene_ends_mirrored(names):
-    scenes, pushes = draw(30, 5)
+    scenes, pushes = push_two_bodies(30, 5)
     values, prior = draw_values(30, 2, 5), PlanarPrior(PlanarConfig(), kinds(*names))
     odd = ("slope_y", "centre_y", "angle_offset", "location_offset", "tip_y")
     odd += ("grain_y", "table_grain_y", "length_offset_sin1", "length_offset_sin2")
@@ -145,7 +130,7 @@ def test_a_mirrored_scene_ends_mirrored(names):
 
 @pytest.mark.parametrize("names", EVERY)
 def test_renumbered_bodies_end_renumbered(names):
-    scenes, pushes = draw(30, 6)
+    scenes, pushes = push_two_bodies(30, 6)
     values = draw_values(30, 2, 6)
     after = PlanarPrior(PlanarConfig(), kinds(*names)).step(scenes, pushes, values)
     other = pushes.copy()
@@ -160,7 +145,7 @@ def test_renumbered_bodies_end_renumbered(names):
 
 @pytest.mark.parametrize("name", BY_NAME)
 def test_every_parameter_counts(name):
-    scenes, pushes = draw(30, 7)
+    scenes, pushes = push_two_bodies(30, 7)
     one = BY_NAME[name]
     prior = PlanarPrior(replace(PlanarConfig(), tool_restitution=0.3), kinds("disk:flat", "t:flat"))
     usual = getattr(prior.config, name)
@@ -174,7 +159,7 @@ def test_every_parameter_counts(name):
 @ON_BOTH
 @pytest.mark.parametrize("names", EVERY)
 def test_no_allowed_value_gives_nan(names, bottom):
-    scenes, pushes = draw(200, 8)
+    scenes, pushes = push_two_bodies(200, 8)
     random, values = np.random.default_rng(8), {}
     for one in BY_NAME.values():
         shape = (200, 2) if one.scope == "body" else (200,)
@@ -193,7 +178,7 @@ def test_no_allowed_value_gives_nan(names, bottom):
 
 
 def test_what_is_no_value_is_refused_by_name():
-    scenes, pushes = draw(3)
+    scenes, pushes = push_two_bodies(3)
     prior = PlanarPrior(PlanarConfig(), kinds("t", "star"))
 
     def refused(message: str, **values: np.ndarray) -> None:
