@@ -111,17 +111,18 @@ def _bars(names: Collection[str], pushes: int, console: Console) -> Iterator[Cal
 def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
     from sain_model.dynamics.load import load_checkpoint, load_shipped
+    from sain_model.evaluation.predictors import NAMES
 
     main: Model = load_checkpoint(options.checkpoint) if options.checkpoint else load_shipped()
     if options.belief:
         main = main.with_belief(Path(options.belief))
-    models, physics = {_kind(main, "model"): main}, {}
+    models, physics = {NAMES.get(_origin(main).kind, "model"): main}, {}
     with ExitStack() as stack:
         for name in options.beside:
             model = load_dynamics(name)
             stack.callback(model.close)
             if _origin(model).card:
-                kind = _kind(model, name)
+                kind = NAMES.get(_origin(model).kind, name)
                 models[name if kind in models else kind] = model
             else:
                 physics[name] = model
@@ -133,12 +134,6 @@ def _origin(model: Model) -> "Origin":
     from sain_model.dynamics.sain import Origin, SainDynamics
 
     return model.origin if isinstance(model, SainDynamics) else Origin()
-
-
-def _kind(model: Model, name: str) -> str:
-    from sain_model.evaluation.predictors import NAMES
-
-    return NAMES.get(_origin(model).kind, name)
 
 
 def _write(

@@ -15,7 +15,7 @@ from sain_core.errors import ModelUnavailableError
 from sain_core.push import PushLimits, as_strokes, make_push
 from sain_core.scene import MASS, RADIUS, X
 from sain_core.shapes.bodies import Bodies
-from sain_model.compute.kernel_store import compile_kernels, kernel_folder
+from sain_model.compute.kernel_store import compile_visibly, kernel_folder
 
 # Kernels are compiled for the types of arrays and settings, not for sizes: one network and an
 # ensemble run the same machine code.
@@ -24,7 +24,6 @@ SCENES[..., MASS], SCENES[..., RADIUS] = 8.0, 0.06
 SCENES[:, 1, X] = 0.2
 PUSHES: Final = make_push(0.05, 0.05, 0.05)[None]
 STROKES: Final = as_strokes(SCENES, PUSHES, PushLimits())
-REPORT_PERIOD: Final = 1.0  # [s]
 
 
 def run_pushes() -> None:
@@ -50,21 +49,13 @@ RUNS: Final[dict[str, Callable[[], None]]] = {"pushes": run_pushes, "network": r
 
 
 def main() -> int:
-    """Compile all kernels, with a line a second; or one chain of them."""
+    """Compile all kernels; or one chain of them."""
     if sys.argv[1:2] == ["--chain"]:
         RUNS[sys.argv[2]]()
         return 0
-    start = said = perf_counter()
-
-    def report(finished: int, total: int) -> None:
-        nonlocal said
-        if perf_counter() - said >= REPORT_PERIOD:
-            said = perf_counter()
-            sys.stdout.write(f"compiling {finished} of {total} kernels\n")
-            sys.stdout.flush()
-
+    start = perf_counter()
     try:
-        compile_kernels(report)
+        compile_visibly()
     except ModelUnavailableError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -173,12 +173,13 @@ def load_checkpoint(path: Path) -> SainDynamics:
         with naming("intervals"):
             intervals = None if card.intervals is None else Intervals.parse(card.intervals)
         kind = _kind(make_prior(card.prior, card.prior_config), card)
-        recurrent = card.kind == RECURRENT
-        bottoms = _bottoms(card)
+        if unknown := [one for one in card.bottoms if one not in BOTTOMS]:
+            raise CheckpointError(f"bottoms has {unknown[0]!r}; allowed: {', '.join(BOTTOMS)}")
     try:
         weights = NetworkWeights.parse(config, content)
     except CheckpointError as error:
         raise CheckpointError(f"{path}: {error}") from error
+    recurrent, bottoms = card.kind == RECURRENT, card.bottoms or BOTTOMS
     model = residual_model(weights, kind, card.prior, intervals, recurrent, bottoms)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
     return replace(model, origin=origin)
@@ -194,13 +195,6 @@ def _kind(prior: Model, card: ModelCard) -> Kind:
             return friction_kind(prior, infers=False)
         spread = float(card.friction["width"])
         return friction_kind(prior, deviation=spread / BY_NAME[FRICTION].spread)
-
-
-def _bottoms(card: ModelCard) -> tuple[str, ...]:
-    """Return what bodies may stand on that the network of a card corrects."""
-    if unknown := [one for one in card.bottoms if one not in BOTTOMS]:
-        raise CheckpointError(f"bottoms has {unknown[0]!r}; allowed: {', '.join(BOTTOMS)}")
-    return tuple(card.bottoms) or BOTTOMS
 
 
 def card_part(name: str, kind: type[C], settings: Settings) -> C:

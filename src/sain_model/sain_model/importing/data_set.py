@@ -109,7 +109,11 @@ def import_pushes(
     state, after, strokes = _scenes(found, mass)
     touch = _touches(found, bodies, state, strokes)
     misses = np.isinf(touch.distance)
-    _check_touching(found.pushes, misses)
+    if misses.sum() > MOST_MISSES * len(misses):
+        raise DatasetError(
+            f"in {misses.sum():,} of {len(misses):,} pushes the tool never touches the outline,"
+            f" first in {found.pushes.where(int(np.argmax(misses)))}; {REMEDY}"
+        )
     end = strokes.copy()
     end[:, START] = found.pushes.tip_end
     sunk = -_touches(found, bodies, after, end).gap
@@ -213,15 +217,6 @@ def _left_out(
             f"{seen.sum():,} of {len(seen):,} pushes cannot be: {examples}; {REMEDY}"
         )
     return left_out
-
-
-def _check_touching(pushes: RealPushes, misses: Mask) -> None:
-    """Check that most tools touch the outline that they are said to push."""
-    if misses.sum() > MOST_MISSES * len(misses):
-        raise DatasetError(
-            f"in {misses.sum():,} of {len(misses):,} pushes the tool never touches the outline,"
-            f" first in {pushes.where(int(np.argmax(misses)))}; {REMEDY}"
-        )
 
 
 def _check_radians(

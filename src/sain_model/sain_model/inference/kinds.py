@@ -112,6 +112,10 @@ class Kind:
         """Standard deviations of z."""
         return np.sqrt(np.diag(self.covariance))
 
+    def spread_of(self, name: str) -> float:
+        """Return the spread of a parameter, of its logarithm if it is a factor."""
+        return BY_NAME[name].spread * float(self.deviations[self.names.index(name)])
+
     @cached_property
     def of_episode(self) -> Bool[ndarray, "D"]:
         """Which parameters each episode has a value of its own of."""

@@ -105,8 +105,9 @@ def fit(
 
     Raises `CheckpointError`: the state in the folder is damaged or of other settings or data.
     """
-    if kind.of_bodies:
-        split = _with_bodies(split, kind)
+    if kind.of_bodies:  # each has what the pushes to learn from show of it
+        parts, bodies = vars(split).values(), infer_bodies(kind, split.train)
+        split = Split(*(with_beliefs(part, kind, bodies) for part in parts))
     network = new_network(config.network, config.seed)
     pushes = SinglePushes(split, kind, config)
     if start is not None:
@@ -127,13 +128,6 @@ def fit(
     recurrent = config.steps_ahead > 1
     sain = residual_model(network.weights, kind, config.prior, recurrent=recurrent)
     return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), histories
-
-
-def _with_bodies(split: Split, kind: Kind) -> Split:
-    """Return a split that states what the pushes to learn from show of each body."""
-    parts = split.train, split.validation, split.test
-    bodies = infer_bodies(kind, split.train)
-    return Split(*(with_beliefs(part, kind, bodies) for part in parts))
 
 
 KEPT: Final = ("prior", "history")  # and its network: weights fit no others

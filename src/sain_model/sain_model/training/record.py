@@ -26,7 +26,7 @@ from sain_model.dynamics.priors import prior_settings
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.evaluation.errors import Figures
 from sain_model.evaluation.predictors import HISTORY, PRIOR, PRIOR_HISTORY
-from sain_model.inference.kinds import FRICTION, Kind, written_kind
+from sain_model.inference.kinds import FRICTION, written_kind
 from sain_model.training.fit import STATES
 from sain_model.training.settings import TrainOptions
 from sain_model.training.trainer import LossHistory, Progress
@@ -103,7 +103,7 @@ def make_card(
         prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
         bottoms=_bottoms(split.train, parent) if model.origin.kind in RESIDUALS else [],
-        friction=_friction_part(kind),
+        friction={"width": kind.spread_of(FRICTION)} if FRICTION in kind.names else None,
         bodies=written_kind(kind) if kind.of_bodies else None,
         intervals=asdict(intervals) if intervals else None,
         kind=model.origin.kind,
@@ -135,14 +135,6 @@ def _bottoms(learned: Dataset, parent: ModelCard | None) -> list[str]:
         return []
     found = {shape.bottom for part in learned.parts for shape in part.bodies.shapes}
     return sorted(found.union(parent.bottoms if parent else ()))
-
-
-def _friction_part(kind: Kind) -> dict[str, float] | None:
-    """Return what a card says of the friction that pushes show; None: they show none."""
-    if FRICTION not in kind.names:
-        return None
-    column = kind.names.index(FRICTION)
-    return {"width": kind.parameters[column].spread * float(kind.deviations[column])}
 
 
 def _data_part(paths: Sequence[Path], data: Dataset, split: Split) -> dict[str, Any]:
