@@ -106,14 +106,13 @@ def _predict_part(
     part: Part, models: Mapping[str, Model], windows: Windows, others: Mapping[str, Predictor]
 ) -> Predictions:
     planar = PlanarPrior(bodies=part.bodies)
+    learning = SainDynamics(friction_belief(planar), bodies=part.bodies)
     predictors: dict[str, Predictor] = {
         NO_MOTION: plain(IdentityPrior()),
         NOMINAL: lambda scenes, pushes, _: step_as_nominal(planar, scenes, pushes),
         MEASURED: plain(planar),
         PLANAR_TRUE: _with_friction(planar, part.friction),
-        PLANAR_HISTORY: Informed.make(
-            SainDynamics(friction_belief(planar), bodies=part.bodies), part
-        ).step,
+        PLANAR_HISTORY: with_history(learning, inferred_rows(learning, part)),
     }
     predictors |= others
     regions: dict[str, Prediction] = {}
@@ -123,19 +122,18 @@ def _predict_part(
         predictors[name] = plain(model)
         if not isinstance(model, SainDynamics):
             continue
-        if not model.infers:
-            if given is first:
-                predictors[PRIOR] = plain(model.physics)
-            prediction = model.predict(part.state, part.action)
-            regions |= {name: prediction} if prediction.radius is not None else {}
-            continue
-        informed = Informed.make(model, part)
-        predictors[name + HISTORY] = informed.step
-        predictors[name + TRUE] = _with_friction(model, part.friction)
-        if PRIOR_HISTORY not in predictors:
-            predictors[PRIOR_HISTORY] = Informed.make(model.physics_alone(), part).step
-        prediction = informed.predict()
-        regions |= {name + HISTORY: prediction} if prediction.radius is not None else {}
+        rows = inferred_rows(model, part) if model.infers else None
+        if rows is not None:
+            predictors[name + HISTORY] = with_history(model, rows)
+            predictors[name + TRUE] = _with_friction(model, part.friction)
+            if PRIOR_HISTORY not in predictors:
+                alone = model.physics_alone()
+                predictors[PRIOR_HISTORY] = with_history(alone, inferred_rows(alone, part))
+        elif given is first:
+            predictors[PRIOR] = plain(model.physics)
+        prediction = predict_with_history(model, part, rows)
+        if prediction.radius is not None:
+            regions[name + HISTORY if model.infers else name] = prediction
     by_name = {name: roll_out(one, windows) for name, one in predictors.items()}
     for name, scenes in ((BULLET, part.physics_next), (FLOOR, part.floor_next)):
         # recorded for single pushes
@@ -201,33 +199,17 @@ def _with_friction(model: SainDynamics | PlanarPrior, friction: Scalars) -> Pred
 # --- history --------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class Informed:
-    """A model that makes use of the earlier pushes of each push's own episode, as in deployment."""
+def inferred_rows(model: SainDynamics, part: Part) -> Inferred:
+    """Return for each push what its earlier pushes say: those of its episode, or of its body."""
+    if model.belief.likeliest.of_bodies:
+        body = np.unique(body_names(part), return_inverse=True)[1]
+        return model.infer(part.observed, Known.earlier(body, np.arange(len(part))))
+    return model.infer(part.observed, Known.earlier(part.episode, part.step))
 
-    model: SainDynamics  # of the bodies of the part
-    part: Part  # the data
-    rows: Inferred  # what the earlier pushes of each push say
 
-    @classmethod
-    def make(cls, model: SainDynamics, part: Part) -> "Informed":
-        """Infer for each row what its earlier pushes say: those of its episode, or of its body."""
-        if model.belief.likeliest.of_bodies:
-            body = np.unique(body_names(part), return_inverse=True)[1]
-            known = Known.earlier(body, np.arange(len(part)))
-        else:
-            known = Known.earlier(part.episode, part.step)
-        return cls(model, part, model.infer(part.observed, known))
-
-    def step(self, scenes: Scenes, pushes: Pushes, chosen: Indices) -> Scenes:
-        """Predict pushes as the model does before the pushes of these rows."""
-        return self.model.step_rows(scenes, pushes, self.rows.of_rows(chosen))[1]
-
-    def predict(self) -> Prediction:
-        """Return predictions of the data itself, and how certain they are."""
-        part = self.part
-        prediction = self.model.predict_rows(part.state, part.action, self.rows)
-        return _widened(self.model, part, prediction)
+def with_history(model: SainDynamics, rows: Inferred) -> Predictor:
+    """Return what a model predicts as in deployment: with what was inferred for each push."""
+    return lambda scenes, pushes, some: model.step_rows(scenes, pushes, rows.of_rows(some))[1]
 
 
 def step_with_history(model: SainDynamics, part: Part) -> Scenes:
@@ -235,20 +217,22 @@ def step_with_history(model: SainDynamics, part: Part) -> Scenes:
     shaped = model.with_bodies(part.bodies)
     if not shaped.infers:
         return shaped.step(part.state, part.action)
-    return Informed.make(shaped, part).step(part.state, part.action, np.arange(len(part)))
+    return shaped.step_rows(part.state, part.action, inferred_rows(shaped, part))[1]
 
 
-def predict_with_history(model: SainDynamics, part: Part) -> Prediction:
-    """Return predictions as `step_with_history`, and how certain they are."""
+def predict_with_history(
+    model: SainDynamics, part: Part, rows: Inferred | None = None
+) -> Prediction:
+    """Return predictions as `step_with_history`, and how certain they are.
+
+    Regions are wider where earlier errors were larger than in training. `rows`: what was inferred.
+    """
     shaped = model.with_bodies(part.bodies)
     if not shaped.infers:
         return shaped.predict(part.state, part.action)
-    return Informed.make(shaped, part).predict()
-
-
-def _widened(sain: SainDynamics, part: Part, prediction: Prediction) -> Prediction:
-    """Return a prediction, regions wider where earlier errors were larger than in training."""
-    intervals = sain.network and sain.network.intervals
+    rows = rows or inferred_rows(shaped, part)
+    prediction = shaped.predict_rows(part.state, part.action, rows)
+    intervals = shaped.network and shaped.network.intervals
     if not intervals or not intervals.adapts:
         return prediction
     excess = intervals.excess(prediction, part)
