@@ -18,7 +18,7 @@ from tests.sain_model.rolling import PUSHES, make_episodes, truth
 FEW = np.arange(4 * PUSHES)  # four episodes
 
 
-class Foreign:
+class Foreign(model.Model):
     """Physics that is right, but that refuses short pushes and has to be closed."""
 
     def __init__(self) -> None:

@@ -80,10 +80,6 @@ class SainDynamics(Model):
     inferred: Inferred | None = None  # what these say, one row; None: there are none
 
     @property
-    def _name(self) -> str:
-        return f"model {self.origin.prior_name!r}"
-
-    @property
     def infers(self) -> bool:
         """Whether it infers anything from earlier pushes."""
         return bool(self.belief.likeliest.names)
@@ -176,7 +172,10 @@ class SainDynamics(Model):
         from pushes, or the belief is for another prior.
         """
         if not self.takes_belief:
-            return super().with_belief(path)
+            raise ConfigError(
+                f"model {self.origin.prior_name!r} takes no belief; 'sain' does, and checkpoints on"
+                " planar priors"
+            )
         return self.believing(read_belief(path.expanduser()))
 
     def believing(self, belief: Belief) -> Self:
