@@ -21,8 +21,9 @@ FEW = np.arange(4 * PUSHES)  # four episodes
 class Foreign(model.Model):
     """Physics that is right, but that refuses short pushes and has to be closed."""
 
+    refused = 0
+
     def __init__(self) -> None:
-        self.refused = 0
         self.closed = False
         self.batches: list[int] = []
 
