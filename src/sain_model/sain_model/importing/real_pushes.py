@@ -129,6 +129,15 @@ def check_real(pushes: RealPushes) -> RealPushes:
             pushes, np.abs(heading) > MOST_TURN, f"heading {name}", heading,
             f"it looks like degrees; give radians, up to 2 pi, or {IN_DEGREES}",
         )  # fmt: skip
+    _check_ranges(pushes)
+    before, after = (
+        np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])])
+        for poses in (pushes.before, pushes.after)
+    )
+    return replace(pushes, before=before, after=after)
+
+
+def _check_ranges(pushes: RealPushes) -> None:
     numbers = {
         LENGTH: ("length of the tool's way", pushes.length, "m"),
         SPEED: ("speed", pushes.speed, "m/s"),
@@ -146,11 +155,6 @@ def check_real(pushes: RealPushes) -> RealPushes:
         values = getattr(pushes, name)
         wrong = (values < least) | (values > most)
         _refuse(pushes, wrong, name, values, f"allowed: {least:g} to {most:g} {hint}")
-    before, after = (
-        np.column_stack([poses[:, :2], wrap_angle(poses[:, 2])])
-        for poses in (pushes.before, pushes.after)
-    )
-    return replace(pushes, before=before, after=after)
 
 
 def _refuse(pushes: RealPushes, wrong: Mask, name: str, values: ndarray, hint: str) -> None:
