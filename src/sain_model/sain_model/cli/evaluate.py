@@ -59,7 +59,6 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
     from sain_model.evaluation.errors import report
     from sain_model.evaluation.predictors import predict_all
-    from sain_model.evaluation.presentation import error_tables
 
     for path in (options.out, *_open_loop_files(options)):
         claim_file(path, options.overwrite)
@@ -90,11 +89,7 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
         "refused": refused,
     }
     write_json(options.out, document)
-    for table in error_tables(errors):
-        console.print(table, soft_wrap=True)
-    for name, count in refused.items():
-        console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
-    console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
+    _show(errors, refused, console)
     console.print(f"written to {options.out}")
 
 
@@ -161,6 +156,16 @@ def _open_loop_files(options: EvaluateModelOptions) -> list[Path]:
     """Return the files of table and picture, if rollouts are asked for."""
     stem = options.out.with_suffix("")
     return [Path(f"{stem}_open_loop{end}") for end in (".md", ".png")] if options.open_loop else []
+
+
+def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
+    from sain_model.evaluation.presentation import error_tables
+
+    for table in error_tables(errors):
+        console.print(table, soft_wrap=True)
+    for name, count in refused.items():
+        console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
+    console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 
 def unseen(data: "Dataset", *cards: "ModelCard") -> "Dataset":
