@@ -57,9 +57,7 @@ class Row:
 
 def show(rows: Sequence[Row], console: Console) -> None:
     """Print the table."""
-    table = FittingTable()
-    for name in HEAD:
-        table.add_column(name, "left" if name == HEAD[0] else "right")
+    table = FittingTable(HEAD)
     for row in rows:
         table.add_row(*row.cells)
     console.print(table, soft_wrap=True)

@@ -109,11 +109,8 @@ def write_summary(path: Path, bag: Bag, summaries: Sequence[EpisodeSummary]) -> 
 
 def summary_table(summaries: Sequence[EpisodeSummary]) -> FittingTable:
     """Return the summary as a table for people; errors are of the target, mean over pushes."""
-    table = FittingTable()
-    table.add_column("Episode")
-    for name in ("Pushes", "Distance", "Planning", "Model error", "Physics error"):
-        table.add_column(name, justify="right")
-    table.add_column("Goal")
+    names = "Episode", "Pushes", "Distance", "Planning", "Model error", "Physics error", "Goal"
+    table = FittingTable(names, left=("Episode", "Goal"))
     for summary in summaries:
         goal = "reached" if summary["success"] else "not reached"
         if summary["goals"] > 1:

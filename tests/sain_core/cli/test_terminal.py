@@ -9,11 +9,8 @@ from sain_core.cli.terminal import FittingTable
 
 
 def shown(width: int, terminal: bool = True) -> str:
-    table = FittingTable("Messages of 2 topics in the recording")
-    table.add_column("Topic")
-    table.add_column("Type")
-    for name in ("Messages", "Rate"):
-        table.add_column(name, justify="right")
+    title, names = "Messages of 2 topics in the recording", ("Topic", "Type", "Messages", "Rate")
+    table = FittingTable(names, left=names[:2], title=title)
     table.add_row("/sain/scene", Text("sain_interfaces/msg/Scene", "dim"), "1,234,567", "30.0 Hz")
     table.add_row("/clock", "rosgraph_msgs/msg/Clock", "8", "-")
     out = io.StringIO()

@@ -50,11 +50,8 @@ def warnings_about(bag: Bag) -> Iterator[str]:
 
 def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
-    table = FittingTable()
-    table.add_column("Topic")
-    table.add_column("Type")
-    for name in ("Messages", "Rate", "Longest gap", "Missing"):
-        table.add_column(name, justify="right")
+    names = "Topic", "Type", "Messages", "Rate", "Longest gap", "Missing"
+    table = FittingTable(names, left=("Topic", "Type"))
     recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
         mean = topic.messages / bag.duration if topic.messages > 1 and bag.duration else 0.0
@@ -73,10 +70,8 @@ def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> Fit
 
 def episode_table(episodes: tuple[Episode, ...]) -> FittingTable:
     """Return episodes as a table, with a row for each goal."""
-    table = FittingTable()
-    for name in ("Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning"):
-        table.add_column(name, justify="right")
-    table.add_column("Goal")
+    names = "Episode", "Disks", "Pushes", "Refused", "Distance", "Tolerance", "Planning", "Goal"
+    table = FittingTable(names, left=("Goal",))
     for number, episode in (one for whole in episodes for one in whole.numbered):
         times = [plan.planning_time for plan in episode.plans]
         table.add_row(

@@ -132,11 +132,9 @@ def show(result: "PushResult", console: Console, shapes: Sequence[str] = ()) -> 
         console.print(f"[red]{push} was refused[/]: {name}, {escape(result.error_message)}")
         return
     console.print(f"[green]{push} was carried out[/] in {result.duration:.2f} s of simulated time")
-    table = FittingTable()
     shaped = any(shape != DISK for shape in shapes[:1])
-    table.add_column("body" if shaped else "disk")
-    for column in ("x [m]", "y [m]", "theta [rad]", "moved [mm]"):
-        table.add_column(column, justify="right")
+    columns = "body" if shaped else "disk", "x [m]", "y [m]", "theta [rad]", "moved [mm]"
+    table = FittingTable(columns)
     before, after = decode_disks(result.before.disks), decode_disks(result.after.disks)
     moved = 1e3 * np.linalg.norm(after[:, POSITION] - before[:, POSITION], axis=1)
     for disk, row in enumerate(after):

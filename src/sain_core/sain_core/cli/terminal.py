@@ -43,17 +43,11 @@ class FittingTable:
     unless COLUMNS says how wide lines may be.
     """
 
-    def __init__(self, title: str = "") -> None:
-        """Begin without columns."""
-        self._title = title
-        self._names: list[str] = []
-        self._right: list[bool] = []
+    def __init__(self, names: Sequence[str], left: Sequence[str] = (), title: str = "") -> None:
+        """Begin with columns, of which the first, or these, are aligned to the left."""
+        self._title, self._names = title, list(names)
+        self._right = [name not in (left or names[:1]) for name in names]
         self._rows: list[list[Text]] = []
-
-    def add_column(self, name: str, justify: str = "left") -> None:
-        """Add a column: "left" for text, "right" for numbers."""
-        self._names.append(name)
-        self._right.append(justify == "right")
 
     def add_row(self, *cells: str | Text) -> None:
         """Add a row of as many cells as there are columns."""
@@ -102,9 +96,7 @@ class FittingTable:
 
 def make_table(title: str, header: Sequence[str], rows: Rows) -> FittingTable:
     """Return a table: the first column to the left, the others to the right."""
-    table = FittingTable(title)
-    for place, name in enumerate(header):
-        table.add_column(name, justify="right" if place else "left")
+    table = FittingTable(header, title=title)
     for row in rows:
         table.add_row(*row)
     return table

@@ -150,9 +150,7 @@ def write_tables(folder: Path, records: Sequence[SceneRecord], note: str = "") -
 
 def show_summary(summary: list[dict[str, Any]], console: Console) -> None:
     """Print the summary as a table."""
-    table = FittingTable()
-    for name in HEADER:
-        table.add_column(name)
+    table = FittingTable(HEADER, left=HEADER)
     for row in summary:
         table.add_row(*table_cells(row))
     console.print(table, soft_wrap=True)
