@@ -152,11 +152,9 @@ class ReachTable(Reach):
         return np.asarray(rooms[1:-1, 1:-1])
 
 
-def reachable(
-    scenes: Scenes, pushes: Pushes, limits: PushLimits, reach: Reach, bodies: Bodies = PAPER_DISKS
-) -> Mask:
-    """Tell for which pushes the tool's whole way lies in reach."""
-    start, heading = strokes(scenes, pushes, limits, bodies)
+def reachable(scenes: Scenes, pushes: Pushes, limits: PushLimits, reach: Reach) -> Mask:
+    """Tell for which pushes on disks the tool's whole way lies in reach."""
+    start, heading = strokes(scenes, pushes, limits)
     return reach.covers(start, unit(heading), pushes[..., LENGTH])
 
 

@@ -44,10 +44,10 @@ class LiveSettings(Config):
 
 @pytest.fixture
 def read(graph):
-    def read(default=None, **overrides):
+    def read(**overrides):
         given = [Parameter(k.replace("__", "."), value=v) for k, v in overrides.items()]
         node = graph.add(Node("subject", context=graph.context, parameter_overrides=given))
-        return node, read_parameters(node, Settings, default)
+        return node, read_parameters(node, Settings)
 
     return read
 

@@ -116,7 +116,7 @@ GRACE: Final = 1.0
 INTERRUPTS = (ExternalShutdownException, ROSInterruptException)
 
 
-def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = None) -> int:
+def run_node(make_node: Callable[[], Node], name: str) -> int:
     """Run a node until it is interrupted; return the process's exit code: 130 during its start.
 
     When it has started, its attribute ``ready`` is logged, if it has one. Its end may take as long
@@ -138,7 +138,7 @@ def run_node(make_node: Callable[[], Node], name: str, args: list[str] | None = 
 
     try:
         signal.signal(signal.SIGINT, on_interrupt)  # rcl's handler, which comes next, calls it
-        with ros_context(args, SignalHandlerOptions.ALL):
+        with ros_context(SignalHandlerOptions.ALL):
             executor = SingleThreadedExecutor()
             try:
                 node = make_node()
@@ -210,17 +210,15 @@ def spin_until(node: Node, done: Callable[[], bool], timeout_s: float) -> bool:
 
 
 @contextmanager
-def ros_context(
-    args: list[str] | None = None, signals: SignalHandlerOptions = SignalHandlerOptions.NO
-) -> Iterator[None]:
-    """Initialise rclpy with these arguments, or the process's, and shut it down at the end.
+def ros_context(signals: SignalHandlerOptions = SignalHandlerOptions.NO) -> Iterator[None]:
+    """Initialise rclpy with the process's arguments, and shut it down at the end.
 
     Only this computer can send to its nodes: `stay_on_this_host`. Raises `ConfigError`.
     """
     stay_on_this_host()
-    check_parameter_files(args)
+    check_parameter_files(sys.argv)
     try:
-        rclpy.init(args=args, signal_handler_options=signals)
+        rclpy.init(signal_handler_options=signals)
     except RuntimeError as error:  # the base of rcl's own errors, which rclpy does not export
         raise ConfigError(RCL_SOURCE.sub("", str(error))) from error
     try:

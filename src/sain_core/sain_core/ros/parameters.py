@@ -7,7 +7,6 @@ was probably meant.
 """
 
 import dataclasses
-import sys
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -30,9 +29,9 @@ from sain_core.guarding.plugins import nearest
 OPTION: Final = "--params-file"
 
 
-def check_parameter_files(arguments: Sequence[str] | None) -> None:
-    """Check the files that arguments name, or those of the process; rcl waits for any FIFO."""
-    for option, name in pairwise(sys.argv if arguments is None else arguments):
+def check_parameter_files(arguments: Sequence[str]) -> None:
+    """Check the files that arguments name: rcl would wait for a FIFO."""
+    for option, name in pairwise(arguments):
         if option != OPTION:
             continue
         try:
@@ -51,13 +50,12 @@ READ_ONCE = "read at the start: start the node anew to change it"
 ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
 
 
-def read_parameters(node: Node, config_class: type[C], default: C | None = None) -> C:
+def read_parameters(node: Node, config_class: type[C]) -> C:
     """Declare the parameters of a node, all of them, and return their values.
 
-    What is not given is as in `default`, or as in the class. Raises `ConfigError`: an unknown name,
-    a wrong type, or a value that is not allowed.
+    Raises `ConfigError`: an unknown name, a wrong type, or a value that is not allowed.
     """
-    settings = config_class() if default is None else default
+    settings = config_class()
     names = [one.name for one in settings_of(settings)]
     overrides = node._parameter_overrides
     for name in overrides:
