@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from sain_core.errors import SainError
-from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Work, WorkerOptions, run_on_workers
 
 PROGRAM = """
 import sys
@@ -30,7 +30,7 @@ if __name__ == "__main__":
 
 
 def work_of(function: Callable[[Any], Any]) -> Work:
-    return Work(partial(FunctionRunner, function), Software(("sain_core",), ("numpy",)))
+    return Work(partial(FunctionRunner, function), ("sain_core",), ("numpy",))
 
 
 def wait_here(folder: Path) -> None:

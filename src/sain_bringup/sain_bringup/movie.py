@@ -26,7 +26,7 @@ from sain_core.goal import Judgement
 from sain_core.types import Points, Scene
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
-from sain_core.workers import FunctionRunner, Software, Work, start_processes
+from sain_core.workers import FunctionRunner, Work, start_processes
 
 if TYPE_CHECKING:
     from sain_sim.camera.render import Renderer  # takes a second to load
@@ -141,7 +141,7 @@ def start_film(
     parts = [moments[first:last] for first, last in pairwise(ends)]
     start = partial(FunctionRunner, partial(render, scenery))
     # There is nothing that pictures must agree with.
-    return start_processes(Work(start, Software((), ())), parts, len(parts))
+    return start_processes(Work(start), parts, len(parts))
 
 
 def encode_gif(frames: Sequence[Image.Image]) -> bytes:

@@ -78,14 +78,15 @@ class FunctionRunner:
 
 
 @dataclass(frozen=True)
-class Software:
-    """What decides about the bytes that work gives."""
+class Work:
+    """Work that workers share, and what decides about the bytes that it gives."""
 
-    sources: tuple[str, ...]  # packages whose Python files count
-    packages: tuple[str, ...]  # distributions whose versions count
+    start: Callable[[], Any]  # makes, in a worker, what does jobs by `run` until `close`
+    sources: tuple[str, ...] = ()  # packages whose Python files count
+    packages: tuple[str, ...] = ()  # distributions whose versions count
 
-    def here(self) -> dict[str, str]:
-        """Return it as it is on this machine."""
+    def software(self) -> dict[str, str]:
+        """Return what decides, as it is on this machine."""
         digest = hashlib.sha256()
         for name in self.sources:
             spec = find_spec(name)
@@ -93,14 +94,6 @@ class Software:
             for path in sorted(Path(spec.origin).parent.rglob("*.py")):
                 digest.update(path.read_bytes())
         return {**versions(*self.packages), "sain": digest.hexdigest()[:12]}
-
-
-@dataclass(frozen=True)
-class Work:
-    """Work that workers share."""
-
-    start: Callable[[], Any]  # makes, in a worker, what does jobs by `run` until `close`
-    software: Software  # what the results depend on
 
 
 def run_on_workers(
@@ -185,7 +178,7 @@ def _end_with(owner: int) -> None:
 
 
 def _calls(work: Work, jobs: Sequence[Any]) -> Iterator[Any]:
-    task = dumps((work, work.software.here(), str(Path.cwd())))
+    task = dumps((work, work.software(), str(Path.cwd())))
     return (delayed(_do)(task, job) for job in jobs)
 
 
@@ -197,7 +190,7 @@ def _do(task: bytes, job: Any) -> Any:
 def _runner(task: bytes) -> Any:
     """Return what does the jobs, in a worker."""
     work, software, folder = loads(task)
-    if (here := work.software.here()) != software:
+    if (here := work.software()) != software:
         raise ConfigError(
             f"a machine of the cluster has {here}, the first one {software}; with other software"
             " the same seed may give other bytes"

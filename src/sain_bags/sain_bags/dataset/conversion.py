@@ -24,12 +24,10 @@ from sain_bags.dataset.sources import Source, find_sources, open_source
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
 from sain_core.transitions import RECORDED, SHARD_SIZE, Column, Columns
-from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import Work, WorkerOptions, run_on_workers
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
-SOFTWARE: Final = Software(
-    ("sain_core", "sain_bags", "sain_model"), ("numpy", "mcap", "numba", "torch")
-)
+SOFTWARE: Final = (("sain_core", "sain_bags", "sain_model"), ("numpy", "mcap", "numba", "torch"))
 
 ConversionProgress = Callable[[int, int, int], None]  # pushes read, of how many; rows made
 Writing = Callable[[int, int], None]  # rows written in a format other than npz, of how many
@@ -215,7 +213,7 @@ def _read(
                     yield source, part
         return
     jobs = [BagJob(source.bag.path, source.namespace, source.sha256) for source in sources]
-    work = Work(partial(BagRunner, config), SOFTWARE)
+    work = Work(partial(BagRunner, config), *SOFTWARE)
     with closing(run_on_workers(work, jobs, workers)) as results:
         for source, parts in zip(sources, results, strict=True):
             for part in parts:

@@ -25,7 +25,6 @@ FREE_BYTES: Final = 64 * MIB  # that any file may unpack to
 RATIO: Final = 200  # and so many more for each byte of the file
 PIECE_BYTES: Final = 128 * MIB  # of one chunk, record or message
 
-PIECE_RECORDS: Final = 5_000_000  # the smallest messages of a piece are 4.3 million
 
 # Bags
 FREE_MESSAGES: Final = 500_000  # of any file

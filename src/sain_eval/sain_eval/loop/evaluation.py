@@ -17,7 +17,7 @@ from rich.progress import (
 )
 
 from sain_core.output import write_whole
-from sain_core.workers import FunctionRunner, Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import FunctionRunner, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
 from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
@@ -85,7 +85,7 @@ def run_jobs(
 ) -> Generator[list[SceneRecord], None, None]:
     """Run all jobs on workers, write their pictures, and yield their records as they come."""
     engines = modules_of(job.truth.engine for job in jobs)
-    work = Work(partial(FunctionRunner, run_job), Software(SOURCES, (*PACKAGES, *engines)))
+    work = Work(partial(FunctionRunner, run_job), SOURCES, (*PACKAGES, *engines))
     with closing(run_on_workers(work, jobs, options, ordered=False)) as results:
         for done in results:
             if done.picture is not None:

@@ -29,7 +29,7 @@ from sain_core.transitions import (
     Column,
     describe_fields,
 )
-from sain_core.workers import Software, Work, WorkerOptions, run_on_workers
+from sain_core.workers import Work, WorkerOptions, run_on_workers
 from sain_sim.collecting.episode import EpisodeConfig, EpisodeResult, EpisodeRunner
 from sain_sim.collecting.shards import (
     JOURNAL_FILE,
@@ -106,7 +106,8 @@ def _run(config: CollectConfig, first: int) -> Generator[EpisodeResult, None, No
     engines = modules_of((DEFAULT_ENGINE, config.episode.truth.engine))
     work = Work(
         partial(EpisodeRunner, config.seed, config.episode),
-        Software(("sain_core", "sain_sim"), ("numpy", *engines)),
+        ("sain_core", "sain_sim"),
+        ("numpy", *engines),
     )
     return run_on_workers(work, range(first, config.episodes), config)
 
