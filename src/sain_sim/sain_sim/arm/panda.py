@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import pybullet_data
+from scipy.spatial.transform import Rotation
 
 from sain_core.scratch import scratch_folder
 from sain_sim.arm.client import Client
@@ -234,22 +235,6 @@ def _link(joint: ElementTree.Element) -> Link:
     moves = joint.get("type") == "revolute"
     axis = joint.find("axis")
     assert not moves or (axis is not None and axis.get("xyz") == "0 0 1")
-    return Link(names["parent"], names["child"], _vector(place), _turn(*_vector(angles)), moves)
-
-
-def _vector(text: str) -> Vector:
-    x, y, z = map(float, text.split())
-    return x, y, z
-
-
-def _turn(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the quaternion of fixed-axis roll, pitch and yaw [rad], as in URDF."""
-    (sr, sp, sy), (cr, cp, cy) = (
-        [part(angle / 2.0) for angle in (roll, pitch, yaw)] for part in (sin, cos)
-    )
-    return (
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-        cr * cp * cy + sr * sp * sy,
-    )
+    x, y, z = map(float, place.split())
+    turn = Rotation.from_euler("xyz", [float(word) for word in angles.split()])  # fixed axes
+    return Link(names["parent"], names["child"], (x, y, z), tuple(turn.as_quat().tolist()), moves)
