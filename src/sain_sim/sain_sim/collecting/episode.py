@@ -4,11 +4,11 @@ Paper, section III-B. An episode depends on the collection's seed and its own nu
 """
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import pi
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -45,6 +45,7 @@ AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
 SHORTEST: Final = 0.02  # [m], shortest travel
 
 log = logging.getLogger(__name__)
+N = TypeVar("N", int, float)
 CIRCLE: Final = "circle"
 GRID: Final = "grid"
 
@@ -138,11 +139,7 @@ class EpisodeConfig(Config):
         """The numbers of bodies that an episode may have."""
         if not self.bodies:
             return (self.disks,)
-        low, _, high = self.bodies.partition("-")
-        try:
-            first, last = int(low), int(high or low)
-        except ValueError:
-            first = last = 0
+        first, last = _range(self.bodies, int)
         if not 1 <= first <= last <= MOST_BODIES:
             raise ConfigError(
                 f"bodies is {self.bodies!r}; give a number from 1 to {MOST_BODIES}, or a range of"
@@ -154,17 +151,22 @@ class EpisodeConfig(Config):
     def speed_range(self) -> tuple[float, float]:
         """The slowest and the fastest push [m/s]."""
         limits = PushLimits()
-        low, _, high = (self.speeds or str(limits.speed)).partition("-")
-        try:
-            slowest, fastest = float(low), float(high or low)
-        except ValueError:
-            slowest = fastest = 0.0
+        slowest, fastest = _range(self.speeds or str(limits.speed), float)
         if not limits.min_speed <= slowest <= fastest <= limits.max_speed:
             raise ConfigError(
                 f"speeds is {self.speeds!r}; give a speed from {limits.min_speed} to"
                 f" {limits.max_speed} m/s, or a range of such, as 0.05-0.2"
             )
         return slowest, fastest
+
+
+def _range(text: str, number: Callable[[str], N]) -> tuple[N, N]:
+    """Return both ends of a range such as 1-3, or a single number twice; zeros: it is none."""
+    low, _, high = text.partition("-")
+    try:
+        return number(low), number(high or low)
+    except ValueError:
+        return number("0"), number("0")
 
 
 class EpisodeResult(NamedTuple):
@@ -305,16 +307,16 @@ def draw_parameters(
     Raises:
         ConfigError: a body tips over in every world that is drawn.
     """
-    for _ in range(config.tries - 1):
+    for left in reversed(range(config.tries)):
         drawn = _draw_world(random, config)
         try:
             check_stands(drawn, NOMINAL_FRICTION)  # that of the shadow
-            return drawn
+            break
         except ConfigError:
+            if not left:
+                raise
             if counts is not None:
                 counts.redrawn += 1
-    drawn = _draw_world(random, config)
-    check_stands(drawn, NOMINAL_FRICTION)
     return drawn
 
 

@@ -30,6 +30,7 @@ JOURNAL_FILE: Final = "episodes.jsonl"
 MISSED: Final = 1e-5  # [m]; an untouched target creeps by up to 3e-6 m in Bullet
 
 Place = tuple[int, int]  # of a row: its episode and its step
+PLACE: Final = (Column.EPISODE, Column.STEP)
 
 
 @dataclass
@@ -147,12 +148,15 @@ class ShardWriter:
 
     def __init__(self, folder: Path, counts: Sequence[int]) -> None:
         """Continue a folder of episodes with these numbers of bodies."""
-        self._folder, self.shards = folder, full_shards(folder)
+        self._folder, self.shards = folder, 0
         self._last: dict[int, Place] = dict.fromkeys(counts, (0, -1))
         self._waiting: dict[int, list[Row]] = {count: [] for count in counts}
-        for index in range(self.shards):
-            shard = _load(shard_path(folder, index))
-            self._last[bodies_in(shard)] = _last_place(shard)
+        while (path := shard_path(folder, self.shards)).exists():
+            shard = _load(path)
+            if len(shard[Column.EPISODE]) != SHARD_SIZE:
+                break
+            self._last[bodies_in(shard)] = _place({name: shard[name][-1] for name in PLACE})
+            self.shards += 1
 
     @property
     def first(self) -> int:
@@ -191,21 +195,6 @@ def _place(row: Row) -> Place:
 def bodies_in(shard: Columns) -> int:
     """Return the number of bodies in the scenes of a shard."""
     return shard[Column.STATE][0].size // STATE_SIZE
-
-
-def full_shards(folder: Path) -> int:
-    """Return how many whole shards of 1,000 transitions a folder has, from the first on."""
-    count = 0
-    while shard_path(folder, count).exists():
-        if len(_load(shard_path(folder, count))[Column.EPISODE]) != SHARD_SIZE:
-            break
-        count += 1
-    return count
-
-
-def _last_place(shard: Columns) -> Place:
-    """Return episode and step of the last transition in a shard."""
-    return int(shard[Column.EPISODE][-1]), int(shard[Column.STEP][-1])
 
 
 def load_by_count(folder: Path) -> dict[int, Columns]:
