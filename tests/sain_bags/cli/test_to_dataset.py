@@ -19,7 +19,7 @@ from sain_core.model import load_dynamics
 from sain_core.workers import WorkerOptions
 from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
-from tests.sain_bags.independent import compare, independent_rows
+from tests.sain_bags.independent import compare, independent_rows, shards
 
 Start = Callable[..., Any]
 
