@@ -221,7 +221,7 @@ class OnPage(Drawn):
 
     def __init__(self, things: list[Thing]) -> None:
         viser = pytest.importorskip("viser")
-        from sain_live.page.things import ThingsView
+        from sain_live.page.drawing import ThingsView
 
         with closing(_Server(viser)) as opened:
             view = ThingsView(opened.server.scene)
