@@ -13,7 +13,7 @@ BELOW = {
 MAY_IMPORT = {
     "sain_core": set(),
     "sain_arm": {"sain_core"},
-    "sain_sim": {"sain_core"},
+    "sain_sim": {"sain_core", "sain_arm"},
     "sain_model": {"sain_core"},
     "sain_mppi": {"sain_core"},
     "sain_bags": {"sain_core"},

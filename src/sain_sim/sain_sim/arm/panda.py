@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 import pybullet_data
-from scipy.spatial.transform import Rotation
 
 from sain_core.scratch import scratch_folder
 from sain_sim.arm.client import Client
@@ -227,6 +226,8 @@ def links_of(description: str) -> list[Link]:
 
 
 def _link(joint: ElementTree.Element) -> Link:
+    from scipy.spatial.transform import Rotation  # takes half a second, and only viewers need it
+
     names = {part.tag: part.get("link", "") for part in joint}
     origin = joint.find("origin")
     place, angles = "0 0 0", "0 0 0"
