@@ -73,6 +73,7 @@ def test_the_card_belongs_to_the_weights():
     assert card.weights_sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
     assert card.prior == "planar_axes"
     assert card.bottoms == ["feet"]
+    assert card.data["worlds"]["test"].keys() == {"bullet randomised, feet"}
     assert card.data["transitions"]["train"] > 10_000
     assert len(card.data["sha256"]) == 64
     assert card.command.startswith("ros2 run sain_model train ")

@@ -32,6 +32,8 @@ def test_the_card_states_errors_by_group_and_by_shape(trained):
     shapes = {name: one for name, one in errors.items() if name.startswith("pushed ")}
     assert set(shapes) <= {"pushed t", "pushed bar", "pushed disk"}
     assert card.bottoms == ["feet"]
+    assert errors["in bullet randomised, feet"] == errors["pushed"]
+    assert card.data["worlds"]["test"] == {"bullet randomised, feet": pushed["number"]}
     total = sum(shape["SAIN, history"]["number"] for shape in shapes.values())
     assert total == pushed["number"]
 

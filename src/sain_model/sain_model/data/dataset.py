@@ -16,18 +16,20 @@ import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.errors import DatasetError
+from sain_core.guarding.documents import read_json
 from sain_core.guarding.kinds import describe
 from sain_core.push import idle_pushes, mirror_pushes
 from sain_core.scene import POSE, mirror_scenes
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
 from sain_core.transitions import (
+    COLLECTION_FILE,
     NEEDED,
     SHAPED,
     Column,
@@ -39,6 +41,26 @@ from sain_core.types import Indices, Mask, Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.physics.parameters import Values
+
+BULLET: Final = "bullet"  # what a collection has that names no engine
+RANDOMISED: Final = "randomised"
+
+
+def made_in(path: Path) -> str:
+    """Return engine and world of a folder, or of the folder of a shard; else the folder's name.
+
+    Raises `DatasetError`: its description is damaged.
+    """
+    folder = path if path.is_dir() else path.parent
+    file = folder / COLLECTION_FILE
+    if not file.exists():
+        return folder.resolve().name
+    try:
+        truth: dict[str, Any] = read_json(file).get("truth", {})
+        return f"{truth.get('engine', BULLET)} {truth.get('world', RANDOMISED)}"
+    except (OSError, ValueError, AttributeError) as error:
+        raise DatasetError(f"{file} is damaged: {error}") from error
+
 
 Order = tuple[int, str, tuple[str, ...], int]
 
@@ -58,6 +80,8 @@ class Part(Transitions):
     surface: ndarray | None = None
     object: ndarray | None = None  # the pushed body, as its user calls it; likewise
     run: ndarray | None = None  # the recording; likewise
+    # engine, world and bottom of the scenes, or the data set's name; None: likewise
+    setting: ndarray | None = None
     # values of parameters of the physics that are believed for each push, (M,) by name; None:
     # nothing but what episodes show
     given: Values | None = None
@@ -124,6 +148,15 @@ class Dataset:
         rows = np.zeros(len(self), dtype=bool)
         rows[np.lexsort((self._column(Column.STEP), self.episode))[:count]] = True
         return self.select(rows)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many pushes there are in each setting."""
+        settings = [part.setting for part in self.parts if part.setting is not None]
+        if not settings:
+            return {}
+        names, counts = np.unique(np.concatenate(settings), return_counts=True)
+        return dict(zip(names.tolist(), counts.tolist(), strict=True))
 
     def _column(self, name: str) -> Int[ndarray, "M"]:
         columns = (getattr(part, name) for part in self.parts)
@@ -206,7 +239,7 @@ def shard_paths(path: Path) -> list[Path]:
 
 def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
     """Yield what a folder holds by the bodies, and the SHA-256 of scenes of as many."""
-    shards = [read_shard(shard) for shard in shard_paths(path)]
+    shards, made = [read_shard(shard) for shard in shard_paths(path)], made_in(path)
     sizes = [(s[Column.STATE].shape[1], s[Column.ACTION].shape[1]) for s in shards]
     for size in sorted(set(sizes)):
         count, _ = size
@@ -221,7 +254,8 @@ def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:
         for name in np.unique(names):
             chosen: dict[str, Any] = {key: rows[names == name] for key, rows in columns.items()}
             bodies = bodies_named(*str(name).split(";"), count)
-            yield Part(**chosen, bodies=bodies), digest.hexdigest()
+            setting = np.full((names == name).sum(), f"{made}, {bodies.shapes[0].bottom}")
+            yield Part(**chosen, bodies=bodies, setting=setting), digest.hexdigest()
 
 
 def _steps(path: Path, columns: Columns) -> Int[ndarray, "M"]:

@@ -47,7 +47,7 @@ class ErrorRows:
     """R bodies after so many pushes from the first scene."""
 
     # what each row is of: "episode", "shape", "body", "pushed" (by the latest push),
-    # "moved" [m] since the first scene, "earlier" pushes of the episode
+    # "setting", "moved" [m] since the first scene, "earlier" pushes of the episode
     about: dict[str, ndarray]
     off: dict[str, Float[ndarray, "R"]]  # distances [mm] by predictor; NaN where it says nothing
     turned: dict[str, Float[ndarray, "R"]]  # likewise of headings [deg]
@@ -81,7 +81,9 @@ class ErrorRows:
         shapes = {
             f"pushed {s}": pushed & (about["shape"] == s) for s in sorted(set(about["shape"]))
         }
-        return groups | shapes
+        names = filter(None, sorted(set(about["setting"].tolist())))
+        settings = {f"in {name}": pushed & (about["setting"] == name) for name in names}
+        return groups | shapes | settings
 
     def figures(self, name: str, rows: Mask, seed: int) -> Figures | None:
         """Return the errors of a predictor on these rows; None where it says nothing there."""
@@ -211,6 +213,7 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
     truth, shape = windows.next_scenes[chosen, step - 1], (int(chosen.sum()), part.disks)
     pushed = pushed_bodies(windows.pushes[chosen, step - 1])
     names = [one.name for one in part.bodies.fitted(part.disks).shapes]
+    setting = np.full(len(part), "") if part.setting is None else part.setting
 
     def each(values: ndarray) -> ndarray:
         return np.broadcast_to(values, shape).reshape(-1)
@@ -218,6 +221,7 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
     about = {
         "episode": each(windows.episodes[chosen, None]),
         "shape": each(np.array(names)),
+        "setting": each(setting[windows.rows[chosen, 0], None]),
         "body": each(np.arange(part.disks)),
         "pushed": each(pushed[:, None] == np.arange(part.disks)),
         "moved": each(_ways(windows.scenes[chosen], truth)),

@@ -145,6 +145,7 @@ def _data_part(paths: Sequence[Path], data: Dataset, split: Split) -> dict[str, 
         "sha256": data.sha256,
         "sources": list(data.sources),
         "transitions": {name: len(part) for name, part in parts.items()},
+        "worlds": {name: part.counts for name, part in parts.items()},
         "episodes": {name: len(np.unique(part.episode)) for name, part in parts.items()},
     }
 
