@@ -119,7 +119,7 @@ def test_every_setting_has_a_text_with_its_values(help_of, package, name):
 def settings_in(options: type) -> list[Any]:
     """The fields of a class of settings and of those nested in it."""
     found, hints = [], get_type_hints(options)
-    for item in fields(options):
+    for item in filter(lambda one: one.init, fields(options)):
         kind = hints[item.name]
         found += settings_in(kind) if isinstance(kind, type) and is_dataclass(kind) else [item]
     return found

@@ -3,7 +3,7 @@
 import json
 from html.parser import HTMLParser
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sain_bags.report.writing import render_page
@@ -29,6 +29,7 @@ class Parts(HTMLParser):
             self.scripts[-1] += data
 
 
+@settings(max_examples=25)  # each page is long
 @given(st.text(), st.sampled_from(["</script>", "<!--<script>", "]]>", "\u2028", "@@data@@"]))
 def test_no_text_gets_out_of_its_script(text, end):
     data = {"bag": {"name": text + end}, "custom": [[end + text, end]]}
