@@ -65,7 +65,7 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "[xarm7]", "[panda]", "[so101]", "is_refused[noise]",
     "is_refused[origin]", "[lerobot]", "is_read_back_by", "of_lerobot_are",
     "test_workers_and_a_kill_change_no_byte", "test_the_next_push_is_predicted_better",
-    "test_a_signal_ends_it_well", "test_many_channels_are_recovered",
+    "test_a_signal_ends_it_well",
     "too_large_for_the_robot_s_reach", "test_a_small_robot",
     "an_evaluation[rearrange_2-bullet-planar-0]",
 )  # fmt: skip

@@ -17,7 +17,7 @@ from sain_bags.playing import (
     play,
 )
 from sain_bags.reading.reader import Bag
-from sain_core.errors import DatasetError
+from sain_core.errors import ConfigError, DatasetError
 from tests.sain_bags.conftest import SECOND, START
 
 LATCHED = TopicQos(durability="transient_local", depth=1)
@@ -147,3 +147,18 @@ def test_topics_are_chosen(flags):
 
 
 BEST, SURE = TopicQos(reliability="best_effort", depth=3), TopicQos(depth=7)
+
+
+def test_a_recorded_clock_is_not_doubled(flags):
+    chosen = Passage(Bag(flags), {"/flag", "/clock"}, PlayOptions(Path(), clock=100.0))
+    assert all(event.raw is not None for event in chosen.events())
+
+
+@pytest.mark.parametrize(
+    ("config", "message"),
+    [({"rate": 0.0}, "rate is 0.0"), ({"start": -1.0}, "start is -1.0"),
+     ({"rate": float("nan")}, "must be finite")],
+)  # fmt: skip
+def test_settings_are_checked(config, message):
+    with pytest.raises(ConfigError, match=message):
+        PlayOptions(Path(), **config)

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import tracemalloc
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +11,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap.records import DataEnd
 from mcap.stream_reader import StreamReader
+from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
 from sain_bags.bag.metadata import Topic, TopicQos
@@ -209,3 +212,85 @@ def test_a_folder_of_sqlite3_is_named_with_what_saves_it(
     assert commands.recover([str(tmp_path / "bag"), "--out", str(tmp_path / "out")]) == 1
     said = " ".join(capsys.readouterr().err.split())
     assert "bag.db3 is a sqlite3 file; `sqlite3 FILE .recover` saves those" in said
+
+
+def unchunked(path: Path) -> list[int]:
+    """Write messages outside of chunks; return where each ends."""
+    ends = []
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, use_chunking=False, enable_data_crcs=True)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        channel = writer.register_channel("/chat", "cdr", schema)
+        for number in range(20):
+            writer.add_message(channel, number, bytes([number]) * 40, number, number)
+            ends.append(stream.tell())
+        writer.finish()
+    return ends
+
+
+def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> None:
+    ends = unchunked(tmp_path / "whole.mcap")
+    whole = saved(tmp_path / "whole.mcap")
+    content = (tmp_path / "whole.mcap").read_bytes()
+    assert recovered(content, tmp_path, "all") == ([], whole)
+    for cut in (ends[0] - 1, ends[0], ends[7] + 5, ends[-1]):
+        lost, messages = recovered(content[:cut], tmp_path, f"cut_{cut}")
+        assert messages == whole[: sum(end <= cut for end in ends)]
+        assert "the file has no end" in lost[0]
+
+
+def test_data_without_its_last_record_have_no_end(zstd_bag: Original, tmp_path: Path) -> None:
+    data_end = 1 + 8 + 4  # [bytes], of that record
+    content = zstd_bag.content[: zstd_bag.data_end - data_end]
+    lost, messages = recovered(content + zstd_bag.content[zstd_bag.data_end :], tmp_path)
+    assert "the file has no end" in lost[0]
+    assert messages == zstd_bag.messages
+
+
+def test_a_compression_that_is_none_of_mcap_is_named(zstd_bag: Original, tmp_path: Path) -> None:
+    content = zstd_bag.content.replace(b"zstd", b"brot", 1)
+    (zstd_bag.folder / "bag_0.mcap").write_bytes(content)
+    said = "it is compressed with 'brot'; allowed: zstd, lz4 or nothing"
+    assert said in recovered(content, tmp_path)[0][0]
+    with pytest.raises(DatasetError, match=said):
+        Bag(tmp_path / "out.mcap").check()
+
+
+def test_a_split_bag_becomes_one(tmp_path: Path) -> None:
+    folder = tmp_path / "split"
+    folder.mkdir()
+    for number in (0, 1, 10):
+        part = original(tmp_path / f"part_{number}", "zstd")
+        (folder / f"split_{number}.mcap").write_bytes(part.content)
+    report = recover(folder, tmp_path / "out")
+    assert not report.losses
+    found = {topic.name: topic.messages for topic in Bag(tmp_path / "out").topics}
+    assert found == {"/chat": 150, "/silent": 0, "/late": 30}
+
+
+def test_memory_does_not_grow_with_the_bag(tmp_path: Path) -> None:
+    peaks = []
+    for messages in (100, 1000):
+        folder = tmp_path / str(messages)
+        with BagWriter(folder, BagConfig(compression="none")) as writer:
+            writer.add_topic(Topic("/chat", "std_msgs/msg/String", TEXT))
+            for number in range(messages):
+                writer.write("/chat", bytes([number % 256]) * 20_000, 1 + number)
+        tracemalloc.start()
+        recover(folder, tmp_path / f"out_{messages}")
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < peaks[0] + 1e6  # the larger bag has 18 MB more
+
+
+def test_two_types_on_a_topic_are_counted_apart(tmp_path: Path) -> None:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with Writer(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for number, kind in enumerate(("std_msgs/msg/String", "std_msgs/msg/Bool")):
+            connection = writer.add_connection("/chat", kind, typestore=store)
+            for time in range(3 - number):
+                writer.write(connection, 1000 + time, bytes([0, 1, 0, 0, 0]))
+    assert not recover(tmp_path / "bag", tmp_path / "out").losses
+    counts = {one.type: one.messages for one in Bag(tmp_path / "out").topics}
+    assert counts == {"std_msgs/msg/String": 3, "std_msgs/msg/Bool": 2}

@@ -103,3 +103,17 @@ def test_the_advice_about_a_recording_in_parts_saves_all(
     assert "Saved 400 messages" in capsys.readouterr().out
     saved = Bag(Path(command[6]))
     assert [found.log_time for found in saved.messages(["/text"])] == list(range(1, 401))
+
+
+def test_all_that_was_flushed_becomes_one_bag(tmp_path: Path) -> None:
+    folder = tmp_path / "bag"
+    for number, whole in enumerate((False, False, True)):
+        aside = set_aside(folder)
+        assert (aside is None) == (number == 0)
+        record(folder, 1 + 100 * number, 100, whole, is_part=number > 0)
+    join(aside, folder)
+    bag = Bag(folder)
+    bag.check()
+    assert [received.log_time for received in bag.messages(["/text"])] == list(range(1, 301))
+    assert not aside.exists()
+    assert [path.name for path in folder.glob("*.mcap")] == ["bag_0.mcap"]

@@ -60,6 +60,7 @@ def test_what_is_no_number_is_refused_with_what_is_allowed(value):
         (lambda: check_number("n", 3.0, 1, 9, whole=True), "3.0; allowed: whole numbers, 1 to 9"),
         (lambda: check_numbers("a", [1, True], 2, 2.0, "m"), r"a\[1\] is True; allowed: -2 to 2 m"),
         (lambda: check_numbers("a", [1, 3], 2, 2.0, "m"), "2 m: 3 millimetres are 0.003 m"),
+        (lambda: check_numbers("a", [1, float("inf")], 2, 2.0, "m"), r"a\[1\] is inf; allowed"),
         (lambda: check_numbers("a", [1, 10**99], 2, 2.0, "m"), r"a\[1\] is 1000.*; allowed: -2 to"),
         (lambda: check_numbers("a", [1], 2), r"a is \[1\]; it must be a list of 2 numbers"),
         (lambda: check_numbers("a", {"a": 1}, 2), "a is {'a': 1}; it must be a list of 2 numbers"),

@@ -66,6 +66,8 @@ def test_a_model_that_keeps_the_contract_passes():
     [
         (lambda s, a, p: p[:, :1], "step predicted scenes of shape"),
         (lambda s, a, p: p[:, ::-1].copy(), "disks must stay in their order"),
+        (lambda s, a, p: p * np.nan, "step predicts NaN or Inf"),
+        (lambda s, a, p: 2 * p, "other masses or radii"),
         (moving, "step predicts disks that still move"),
         (lambda s, a, p: p + np.eye(8)[0], "changes the scene of a push of length 0"),
         (at_random(), "step predicts something else when asked again"),

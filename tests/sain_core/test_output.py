@@ -1,6 +1,7 @@
 """Nothing is ever deleted or replaced that is not ours."""
 
 import os
+import stat
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -98,8 +99,16 @@ def test_a_folder_of_others_is_no_place_for_results(place, overwrite, tmp_path):
     assert [one.name for one in (tmp_path / "strangers").iterdir()] == ["notes.txt"]
 
 
+def device(path: Path) -> None:
+    """Make one like /dev/null; the real one is never touched."""
+    if os.geteuid() != 0:
+        pytest.skip("only root makes devices")
+    os.mknod(path, stat.S_IFCHR | 0o666, os.makedev(1, 3))
+
+
 SPECIAL: dict[str, Callable[[Path], object]] = {
     "a FIFO": os.mkfifo,
+    "a device": device,
     "a folder": Path.mkdir,
     "a symbolic link": lambda path: path.symlink_to(path.parent / "victim"),
 }
@@ -146,8 +155,11 @@ def test_a_folder_of_ours_is_removed_whole(ours):
     remove(ours)  # nothing is there
 
 
-@pytest.mark.parametrize("name", ["notes.txt", "below/notes.txt", "a.json", "mine/notes.txt"])
+@pytest.mark.parametrize(
+    "name", ["notes.txt", "below/notes.txt", "a.json", "mine/notes.txt", "logs/x.txt"]
+)
 def test_a_folder_with_something_else_stays_whole(ours, name):
+    sign(ours / "logs" / "*.log", grows=True)  # of all that child processes write there
     (ours / name).parent.mkdir(exist_ok=True)
     (ours / name).write_text(MINE)
     strange = "mine" if name == "mine/notes.txt" else name
@@ -167,3 +179,19 @@ def test_links_are_not_followed_when_something_is_removed(ours, tmp_path):
     with pytest.raises(OutputError, match=r"nothing is removed: .*to_victim is a symbolic link"):
         remove(ours)
     assert (ours / "a.json").exists() and (tmp_path / "victim").read_text() == MINE
+
+
+def test_a_manifest_that_is_a_link_is_not_followed(tmp_path):
+    (tmp_path / "victim").write_text(MINE)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / MANIFEST).symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match="is a symbolic link"):
+        claim_folder(tmp_path / "out", ["a.json"])
+    assert (tmp_path / "victim").read_text() == MINE
+
+
+def test_a_folder_of_others_is_not_removed(tmp_path):
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(OutputError, match=r"SAIN did not make .*empty"):
+        remove(tmp_path / "empty")
+    assert (tmp_path / "empty").exists()

@@ -6,7 +6,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sain_core.errors import InvalidInputError, OutOfRangeError
-from sain_core.push import LENGTH, PushLimits, make_push, mirror_pushes, push_direction
+from sain_core.push import (
+    LENGTH,
+    PUSH_NAMES,
+    PUSH_SIZE,
+    PushLimits,
+    idle_pushes,
+    make_push,
+    mirror_pushes,
+    push_direction,
+)
 from sain_core.scene import MID, POSITION, RADIUS, make_scene, mirror_scenes, unit
 from tests.strokes import rotate_pushes, rotate_scenes, tool_end, tool_start
 
@@ -70,3 +79,12 @@ def test_the_tool_s_way_turns_and_mirrors_with_the_scene(seed, angle):
     np.testing.assert_allclose(turned, np.array([[cos, -sin], [sin, cos]]) @ end, atol=1e-9)
     mirrored = tool_end(mirror_scenes(scene), mirror_pushes(push), LIMITS)
     np.testing.assert_allclose(mirrored, end * (1, -1), atol=1e-12)
+
+
+@pytest.mark.parametrize("column", range(PUSH_SIZE))
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_nan_and_inf_are_refused_by_name(column, value):
+    push = idle_pushes()
+    push[column] = value
+    with pytest.raises(InvalidInputError, match=f"{PUSH_NAMES[column]} of the push is {value}"):
+        LIMITS.check(push)

@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from sain_bags.bag.definitions import SEPARATOR, Definitions
+from sain_core.errors import InvalidInputError
 
 
 def install(prefix: Path, name: str, text: str) -> None:
@@ -53,3 +55,8 @@ def test_service_events_are_defined_by_their_service(tmp_path: Path) -> None:
         "a/msg/Inner", "a/srv/msg/Ask_Event", "a/srv/msg/Ask_Request", "a/srv/msg/Ask_Response",
         "service_msgs/msg/ServiceEventInfo",
     }  # fmt: skip
+
+
+def test_missing_definition_names_type_and_where_it_was_sought(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInputError, match=f"a/msg/M is installed; searched {tmp_path}"):
+        Definitions((tmp_path,)).text("a/msg/M")

@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 import yaml
+from rosbags.highlevel import AnyReader
 
 from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.reading.reader import Bag
 from sain_bags.writing.gaps import MISSING_KEY
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.randomness import generator
@@ -65,3 +67,17 @@ def test_metadata_has_all_that_rosbag2_writes_and_nothing_else(tmp_path: Path) -
         "history", "depth", "reliability", "durability", "deadline", "lifespan", "liveliness",
         "liveliness_lease_duration", "avoid_ros_namespace_conventions",
     }  # fmt: skip
+
+
+def test_a_topic_that_nobody_could_define_keeps_no_reader_from_the_others(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic(Topic("/known", "std_msgs/msg/String", "string data\n"))
+        writer.add_topic(Topic("/unknown", "a/msg/Thing", "", "RIHS01_ab"))
+        writer.write("/known", b"\x00\x01\x00\x00\x03\x00\x00\x00hi\x00", 10**18)
+        writer.write("/unknown", b"\x00\x01\x00\x00\x07", 10**18 + 1)
+    examine(tmp_path / "bag" / "bag_0.mcap")
+    with AnyReader([tmp_path / "bag"]) as reader:
+        found = [(connection.msgtype, raw) for connection, _, raw in reader.messages()]
+        assert reader.deserialize(found[0][1], found[0][0]).data == "hi"
+    assert found[1] == ("a/msg/Thing", b"\x00\x01\x00\x00\x07")
+    assert [raw.type for raw in Bag(tmp_path / "bag").raw_messages()] == [name for name, _ in found]

@@ -242,3 +242,14 @@ def test_rows_have_the_friction_of_their_episode(record: Start, tmp_path: Path) 
     np.testing.assert_array_equal(load_dataset(tmp_path / "out").alike.friction, expected)
     np.testing.assert_array_equal(shards(tmp_path / "out")["rim_friction"], 2 * np.array(expected))
     np.testing.assert_array_equal(shards(tmp_path / "out")["tool_friction"], 3 * np.array(expected))
+
+
+def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Path) -> None:
+    bags = [drive(record), drive(record, "three", Parts(disks=3))]
+    convert(bags, tmp_path / "out")
+    with pytest.raises(DatasetError, match="scenes with the same bodies are needed"):
+        _ = load_dataset(tmp_path / "out").alike
+    mixed = load_dataset(tmp_path / "out")
+    assert [(part.disks, len(part)) for part in mixed.parts] == [(2, 6), (3, 6)]
+    card = json.loads((tmp_path / "out" / "card.json").read_text())
+    assert card["disks"] == {"2": 6, "3": 6}

@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from sain_bags.dataset import dataset_folder
+from sain_core.errors import OutputError
+
 os.environ["HF_HUB_OFFLINE"] = "1"  # before the libraries are imported: nothing here asks a hub
 
 from pyarrow import parquet
@@ -130,3 +133,18 @@ def test_a_library_that_is_missing_is_named_before_anything_is_read(
     ):
         to(name, bag, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_full_disk_leaves_no_data_set(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(rows: Any, folder: Path) -> None:
+        folder.mkdir()
+        (folder / "train-00000.parquet").write_bytes(b"half")
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(dataset_folder, "find_format", lambda name: full)
+    with pytest.raises(OutputError, match=r"cannot write .*No space left on device"):
+        to("parquet", bag, tmp_path / "out")
+    monkeypatch.undo()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [MANIFEST]

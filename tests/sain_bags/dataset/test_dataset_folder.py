@@ -105,3 +105,14 @@ def test_a_shard_that_is_not_as_it_was_written_is_noticed(
         convert([bag], tmp_path / "out")
     convert([bag], tmp_path / "out", overwrite=True)
     assert contents(tmp_path / "out") == whole
+
+
+def test_another_recording_is_named_without_its_hash(
+    bag: Path, record: Callable[..., Any], tmp_path: Path
+) -> None:
+    convert([bag], tmp_path / "out")
+    other = record("other")
+    Drive(other).episode(1, range(1, 3))
+    other.writer.close()
+    with pytest.raises(OutputError, match=r"holds another conversion \(of other recordings\); "):
+        convert([other.writer.folder], tmp_path / "out")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Bool, String
 
 from sain_bags.bag.metadata import TopicQos
@@ -15,7 +16,7 @@ from sain_bags.reading.reader import Bag, Raw
 from sain_bags.ros.player import Player
 from sain_bags.writing.writer import BagWriter
 from sain_bringup.graph import executable
-from tests.sain_bags.conftest import SECOND, Messages, Recording
+from tests.sain_bags.conftest import SECOND, START, Messages, Recording
 
 pytestmark = pytest.mark.ros
 
@@ -160,3 +161,29 @@ def test_what_is_wrong_is_told_in_one_line(recording, command, arguments, messag
     done = subprocess.run([*command, str(bag.path), *arguments], capture_output=True, text=True)
     assert done.returncode == 1 and message in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_who_comes_late_gets_what_is_latched(graph, recording, player):
+    say(recording, "/goal", "first", "last", offered_qos=(LATCHED,))
+    bag = closed(recording)
+    play_all(graph, player(bag), bag)
+    heard: list[str] = []
+    graph.bystander.create_subscription(String, "/goal", lambda m: heard.append(m.data), LATE)
+    graph.wait(lambda: heard, "the goal")
+    assert heard == ["last"]
+
+
+def test_time_is_published_where_it_was_not_recorded(graph, recording, player):
+    say(recording, "/a", *map(str, range(10)))
+    bag = closed(recording)
+    heard: list[int] = []
+    graph.bystander.create_subscription(
+        Clock, "/clock", lambda m: heard.append(m.clock.sec * 10**9 + m.clock.nanosec), 100
+    )
+    playing = player(bag)
+    playing.offer_clock()
+    graph.wait(lambda: graph.bystander.count_publishers("/clock") == 1, "the clock")
+    graph.wait(lambda: playing.count_subscribers("/clock") == 1, "who looks at it")
+    play_all(graph, playing, bag, clock=100.0)
+    graph.wait(lambda: len(heard) >= 19, "the time")
+    assert heard == [START + SECOND // 50 + n * SECOND // 100 for n in range(19)]

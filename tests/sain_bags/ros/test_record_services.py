@@ -60,3 +60,11 @@ def test_a_call_is_decoded_from_the_definitions_inside(recorded: Path) -> None:
     (response,) = answered.response
     assert response.error_code == ErrorCode.OK
     assert (response.model, response.kind) == ("planar", "physics")
+
+
+def test_nothing_is_published_unless_it_is_asked_for(graph: Any) -> None:
+    graph.start(ModelNode, model="planar")
+    graph.call(DescribeModel, "describe_model", DescribeModel.Request())
+    names = {name for name, _ in graph.bystander.get_topic_names_and_types()}
+    assert "/sain/plan" in names
+    assert EVENTS not in names

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from types import SimpleNamespace
 
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -12,6 +13,7 @@ from std_msgs.msg import String
 from sain_bags.cli.info import warnings_about
 from sain_bags.reading.timing import read_timings
 from sain_bags.ros.record import PATIENCE, SILENCE, Readiness, about_silence
+from sain_bags.ros.recorder import Recorder
 from sain_core.guarding import lifetime
 from sain_interfaces.msg import DiskState, Scene
 from tests.sain_bags.ros.conftest import Studio
@@ -155,4 +157,32 @@ def test_a_recorder_reports_that_it_is_ready_once_all_publishers_are_connected(
     assert studio.recorder.unmatched == []
     readiness.work(1)
     assert len(reports) == 1
+    studio.end()
+
+
+def test_what_was_latched_before_is_recorded(studio: Studio) -> None:
+    studio.player.create_publisher(String, "goal", LATCHED).publish(String(data="before"))
+    studio.start()
+    studio.recorded("/goal", 1)
+    (received,) = studio.end().messages(["/goal"])
+    assert received.message.data == "before"
+    assert received.publish_time <= received.log_time
+
+
+def test_topics_that_are_never_connected_are_named(
+    studio: Studio, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Recorder, "unmatched", ["/a", "/b"])
+    studio.start("/chatter")
+    reports: list[str] = []
+    monkeypatch.setattr(lifetime, "ready", lambda: reports.append("ready"))
+    logger = SimpleNamespace(warning=reports.append)
+    monkeypatch.setattr(studio.recorder, "get_logger", lambda: logger)
+    Readiness(studio.recorder, time.monotonic() - SILENCE).work(0)
+    assert reports == []
+    Readiness(studio.recorder, time.monotonic() - SILENCE - PATIENCE).work(0)
+    assert reports == [
+        "not all publishers of /a, /b are connected; messages may be missing",
+        "ready",
+    ]
     studio.end()

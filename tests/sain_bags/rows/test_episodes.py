@@ -16,6 +16,7 @@ from sain_bags.dataset.rows import ConversionConfig
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.rows.episodes import read_episodes
+from sain_bags.rows.topics import namespaces
 from sain_core.errors import DatasetError
 from sain_core.goal import Goal
 from sain_core.push import LOCATION
@@ -187,3 +188,21 @@ def test_a_push_before_the_first_goal_belongs_to_none(record: Callable[..., Any]
     shown = read_content(bag).data["episodes"]
     assert [one["title"] for one in shown] == ["Episode 1 · no goal yet", "Episode 1"]
     assert [one["outcome"] for one in shown] == ["no goal", "reached"]
+
+
+def test_several_graphs_in_one_bag_must_be_told_apart(record: Callable[..., Any]) -> None:
+    recording, scene = (
+        record(),
+        make_scene(np.array([[0.3, 0], [0.5, 0]]), np.ones(2), np.full(2, 0.05)),
+    )
+    disks = recording.messages.disks(scene)
+    for namespace, episode in (("/left", 1), ("/right", 2)):
+        recording.add(f"{namespace}/scene", "Scene", episode_id=episode, settled=True, disks=disks)
+    recording.writer.close()
+    bag = Bag(recording.writer.folder)
+    assert namespaces(bag) == ("/left", "/right")
+    with pytest.raises(DatasetError, match="choose one of /left, /right"):
+        read_episodes(bag)
+    assert [episode.episode_id for episode in read_episodes(bag, "/right")] == [2]
+    with pytest.raises(DatasetError, match="no graph '/up'"):
+        read_episodes(bag, "/up")

@@ -22,7 +22,7 @@ from sain_bags.reading.reader import Bag, Raw
 from sain_bags.report.content import read_content
 from sain_core.errors import DatasetError
 from sain_core.randomness import generator
-from tests.sain_bags.driven import Drive
+from tests.sain_bags.driven import Drive, Parts
 from tests.sain_bags.independent import compare, shards
 
 Start = Callable[..., Any]
@@ -347,3 +347,48 @@ def test_no_flipped_bit_in_an_index_loses_a_row(bag: Path, tmp_path: Path) -> No
             continue
         for key in wanted.keys() - NOT_COMPARED:
             np.testing.assert_array_equal(found[key], wanted[key], key)
+
+
+def test_a_sqlite3_bag_that_is_none(bag: Path) -> None:
+    metadata = bag / "metadata.yaml"
+    metadata.write_text(metadata.read_text().replace("identifier: mcap", "identifier: sqlite3"))
+    with pytest.raises(DatasetError, match=r"bag_0.mcap cannot be read: file is not a database"):
+        Bag(bag)
+
+
+def test_a_file_of_another_recording(bag: Path, record: Start) -> None:
+    recording = record("other")
+    recording.now += 3_600_000_000_000
+    driver = Drive(recording)
+    driver.episode(1, [1, 2])
+    driver.episode(2, [3])
+    recording.writer.close()
+    shutil.copy(recording.writer.folder / "other_0.mcap", bag / "bag_0.mcap")
+    with pytest.raises(
+        DatasetError, match=r"bag_0.mcap is of another recording than metadata.yaml"
+    ):
+        Bag(bag)
+
+
+def test_a_definition_with_its_fields_in_another_order(record: Start, tmp_path: Path) -> None:
+    """Foreign definitions are followed: here the message is written by hand in another order."""
+    recording = record()
+    driver = Drive(recording, Parts(scenes=False))
+    driver.episode(1, [1])
+    recording.writer.close()
+    ours = Bag(recording.writer.folder)
+    messages = [
+        raw._replace(data=raw.data[:52] + raw.data[60:68] + raw.data[52:60] + raw.data[68:])
+        if raw.type.endswith("/Goal")  # x of its pose is at 52, and y at 60
+        else raw
+        for raw in ours.raw_messages()
+    ]
+    for found in ours.channels:
+        assert found.schema is not None
+        if found.type.endswith("/Goal"):
+            text = found.schema.data.decode()
+            swapped = text.replace("float64 x ", "float64 q ").replace("float64 y ", "float64 x ")
+            found.schema.data = swapped.replace("float64 q ", "float64 y ").encode()
+    write_mcap(tmp_path / "other.mcap", messages, ours)
+    found_rows, wanted = rows(tmp_path / "other.mcap"), rows(recording.writer.folder)
+    np.testing.assert_array_equal(found_rows["goal_poses"], wanted["goal_poses"])

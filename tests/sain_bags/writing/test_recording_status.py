@@ -29,3 +29,13 @@ def test_a_line_says_all(tmp_path: Path) -> None:
         "Recorded 3 messages on 1 topics in 61.2 s, missing: 2 of /a:"
         " bags/mine (2.34 MB in 3 files)\nNo message came on /b, /c\nNot recorded: /d"
     )
+
+
+def test_a_recorder_that_heard_nothing_does_not_call_that_complete(tmp_path: Path) -> None:
+    with BagWriter(tmp_path / "bag", BagConfig()) as writer:
+        writer.add_topic(Topic("/a", "std_msgs/msg/Empty", "\n"))
+        status = RecordingStatus.of(writer, {"/a": Gaps(), "/rosout": Gaps()}, (), 5.0)
+    assert status.final(Path("bags/mine"), 1000) == (
+        "Recorded 0 messages on 1 topics in 5.0 s, nothing heard: bags/mine (0.00 MB)\n"
+        "No message came on /a"
+    )

@@ -2,6 +2,7 @@
 
 import errno
 import os
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.reading.reader import Bag
+from sain_bags.recovery import recover
 from sain_bags.writing.split_file import SplitFile
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
@@ -119,3 +121,24 @@ def test_a_disk_that_fails_while_a_file_is_ended_stops_the_recording(
     with pytest.raises(OutputError, match="Input/output error"):
         writer.close()
     assert not (tmp_path / "bag" / "metadata.yaml").exists()  # one file is not whole
+
+
+def test_files_end_after_their_time_and_nothing_is_between_them(tmp_path: Path) -> None:
+    writer = record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    files = [tmp_path / "bag" / f"bag_{number}.mcap" for number in range(4)]
+    assert sorted((tmp_path / "bag").glob("*.mcap")) == files
+    assert len(writer.files) == 4
+    chat = [data for file in files for name, data in contents(file) if name == "/chat"]
+    assert chat == [text(number) for number in range(200)]
+    per_file = [Counter(name for name, _ in contents(file)) for file in files]
+    assert [count["/chat"] for count in per_file] == [50, 50, 50, 50]
+
+
+def test_a_split_recording_that_was_killed_is_recovered(tmp_path: Path) -> None:
+    record(tmp_path / "bag", BagConfig(split_duration=5.0))
+    (tmp_path / "bag" / "metadata.yaml").unlink()
+    last = tmp_path / "bag" / "bag_3.mcap"
+    last.write_bytes(last.read_bytes()[:-3000])
+    report = recover(tmp_path / "bag", tmp_path / "saved")
+    assert [loss.partition(":")[0] for loss in report.losses] == ["bag_3.mcap"]
+    assert Bag(tmp_path / "saved").message_count == report.span.messages >= 155

@@ -8,13 +8,17 @@ from typing import Any
 
 import pytest
 import yaml
+from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
 
 from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.mcap.preallocated_file import RESERVE
 from sain_bags.reading.reader import Bag
+from sain_bags.recovery import recover
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import OutputError
 from tests.sain_bags.doctor import examine
@@ -146,3 +150,50 @@ def test_events_are_read_without_what_comes_at_a_rate(record: Callable[..., Any]
     own = [(one.log_time, one.topic) for one in Bag(file).messages()]
     assert own == messages == sorted(messages)
     assert {topic for _, topic in own[::2]} == {"/sain/scene"}
+
+
+def test_an_open_bag_is_no_bag_yet(tmp_path: Path) -> None:
+    writer = BagWriter(tmp_path / "bag", BagConfig(flush_period=0.01))
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1, 1)
+    writer.flush()
+    assert not (tmp_path / "bag" / "metadata.yaml").exists()
+    with pytest.raises(FileNotFoundError):
+        Reader(tmp_path / "bag")
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:  # what was flushed can be saved
+        found = []
+        with pytest.raises(EndOfFile):
+            for entry in StreamReader(stream).records:
+                found.append(entry)
+    assert any(isinstance(entry, Message) for entry in found)
+    writer.close()
+    assert sorted(path.name for path in (tmp_path / "bag").iterdir()) == [
+        "bag_0.mcap",
+        "metadata.yaml",
+    ]
+
+
+def test_a_disk_full_from_the_start_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_space(*_: object) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", no_space)
+    with pytest.raises(OutputError, match="No space left on device"):
+        BagWriter(tmp_path / "bag")
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
+    """Nothing is closed: the recorder was killed."""
+    writer = BagWriter(tmp_path / "bag", custom_data={"seed": "7"}, ros_distro="kilted")
+    writer.add_topic(TEXT)
+    writer.write("/chat", HELLO, 1)
+    writer.flush()
+    report = recover(tmp_path / "bag", tmp_path / "saved")
+    writer.close()
+    assert len(report.losses) == 1
+    saved = Bag(tmp_path / "saved")
+    assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
+    assert saved.metadata["ros_distro"] == "kilted"

@@ -126,6 +126,7 @@ def test_what_cannot_be_parsed_is_one_line(name, capsys):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
+        ("collect --seed 1e30", "--seed is '1e30'; it must be a whole number, 0 to 2147483647"),
         ("collect --episodes ten", "--episodes is 'ten'; it must be a whole number, at least 1"),
         ("collect --ou x", "there is no option --ou; did you mean --out?"),
         ("collect mine", "there is no place for mine; --help lists what there is"),

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from sain_core.errors import ConfigError, UntrustedFileError
+from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
 from sain_core.guarding.documents import (
     DEPTH,
     DIGITS,
@@ -12,7 +12,9 @@ from sain_core.guarding.documents import (
     dump_yaml,
     parse_json,
     parse_yaml,
+    read_json,
     read_user_yaml,
+    read_yaml,
 )
 
 DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
@@ -27,6 +29,7 @@ DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
         ("[" + "1," * 4_000_000 + "1]", "more than 4,000,000 values"),
         ('["\\ud800"]', "half a character"),
         ("{", "Expecting property name"),
+        ('[{"b": {"a": 1, "b": 1, "a": 2}}]', "the key 'a' is given twice"),
         ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice; remove one"),
     ],
 )
@@ -40,8 +43,10 @@ def test_json_is_refused(text, reason):
     [
         (DEEP, "more than 64 deep"),
         ("\n".join(" " * n + "a:" for n in range(80)), "more than 64 deep"),
+        ("9" * (DIGITS + 1), "101 digits"),
         ("0x" + "f" * 200, "202 digits"),
         ("a: &a [1]\nb: *a", "anchor"),
+        ("a: &a 1", "anchor"),
         ("!!python/object:os.system x", "tag"),
         ("- a\n" * 200_000, "more than 200,000 values"),
         ("a" * (YAML_BYTES + 1), "bytes"),
@@ -124,3 +129,14 @@ def test_a_file_of_a_user_is_refused_in_one_line(tmp_path, content, text):
     with pytest.raises(ConfigError, match=f"^settings {path}.*{text}") as refused:
         read_user_yaml(path, "settings", "; try another one")
     assert "\n" not in str(refused.value)
+
+
+READERS = [read_json, read_yaml]
+
+
+@pytest.mark.parametrize("read", READERS)
+def test_a_file_that_is_no_text(read, tmp_path):
+    path = tmp_path / "file"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(DatasetError, match="not UTF-8"):
+        read(path)

@@ -1,5 +1,6 @@
 """What is no bag, or no data set, is named, with what to do."""
 
+import subprocess
 import zipfile
 
 import numpy as np
@@ -9,6 +10,7 @@ from mcap.writer import Writer
 from sain_bags.cli.recover import recover
 from sain_bags.dataset.conversion import convert
 from sain_bags.reading.reader import Bag
+from sain_bringup.graph import executable
 from sain_core.errors import DatasetError
 from sain_model.data.dataset import load_dataset
 
@@ -71,3 +73,14 @@ def test_bags_and_data_sets_are_told_apart(tmp_path):
     ):
         with pytest.raises(DatasetError, match=said):
             Bag(path)
+
+
+@pytest.mark.parametrize("command", ["info", "report", "view", "to_dataset", "recover", "play"])
+def test_every_command_says_it_in_one_line(command, tmp_path):
+    (tmp_path / "ros1.bag").write_bytes(FILES["ros1.bag"][0])
+    line = [str(executable("sain_bags", command)), str(tmp_path / "ros1.bag")]
+    line += ["--out", str(tmp_path / "out")] if command in ("to_dataset", "recover") else []
+    done = subprocess.run(line, capture_output=True, text=True)
+    assert done.returncode == 1
+    (said,) = done.stderr.strip().splitlines()
+    assert said.startswith(f"{command}: {tmp_path}/ros1.bag is a bag of ROS 1; `rosbags-convert")

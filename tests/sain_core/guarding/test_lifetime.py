@@ -132,3 +132,13 @@ def test_a_recording_is_whole_although_the_middleware_hangs(tmp_path, ros_domain
         assert recorder.wait(timeout=20) == 0
     assert 3.0 < time.monotonic() - start < 10.0  # it did hang
     assert (tmp_path / "bag/metadata.yaml").exists()
+
+
+STUCK_AT_EXIT = f"import ctypes, atexit\natexit.register(lambda: {STUCK})\n"
+
+
+def test_a_command_ends_although_the_interpreter_cannot(tmp_path, ros_domain):
+    code = "import sys\nfrom sain_bringup.commands import reset\n"
+    code += "sys.argv = ['reset', '--timeout', '0.1']\nsys.exit(reset())\n"
+    done = subprocess.run([sys.executable, "-c", STUCK_AT_EXIT + code], cwd=tmp_path, timeout=30)
+    assert done.returncode == 1

@@ -131,7 +131,8 @@ def test_an_outline_is_mended_with_a_word(tmp_path, monkeypatch, caplog):
     outline_folder().mkdir(parents=True)
     stated = SQUARE[[0, 3, 3, 2, 1, 0]].tolist()
     (outline_folder() / "turned.yaml").write_text(json.dumps({"shapes": {"turned": stated}}))
-    get_shape("turned")
+    first, second = get_shape("turned").outline(1.0)[:2]
+    assert first[0] * second[1] > first[1] * second[0]
     assert "'turned': point 3 repeats the one before: left out" in caplog.text
     assert "'turned': it runs clockwise: turned round" in caplog.text
     assert trace("turned", SQUARE).mended == ()

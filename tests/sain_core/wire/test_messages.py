@@ -42,6 +42,10 @@ def test_a_rollout_request_is_decoded():
     ("values", "message"),
     [
         ({"samples": 0}, "samples is 0; it must be at least 1"),
+        ({"horizon": 0}, "horizon is 0; it must be at least 1"),
+        ({"disks": 0}, "disks is 0; it must be at least 1"),
+        ({"disks": 3}, r"scene has 16 numbers; 24 were expected, for shape \(3, 8\)"),
+        ({"pushes": [-1.0] * 10}, "pushes names body -1; there are bodies 0 to 1"),
         ({"samples": 3}, r"pushes has 10 numbers; 15 were expected, for shape \(3, 1, 5\)"),
         ({"pushes": [2.0] * 10}, "pushes names body 2; there are bodies 0 to 1"),
         ({"pushes": [0.5] * 10}, "pushes names body 0.5; there are bodies 0 to 1"),
@@ -79,6 +83,8 @@ def test_the_past_is_decoded_and_may_be_empty():
     ("values", "message"),
     [
         ({"past": 3}, "past_scenes has 32 numbers; 48 were expected"),
+        ({"past": 0}, "past_scenes has 32 numbers; 0 were expected"),
+        ({"disks": 0}, "disks is 0; it must be at least 1"),
         ({"past_pushes": [0.1] * 6}, "past_pushes has 6 numbers; 10 were expected"),
         ({"past_pushes": [float("nan")] * 10}, r"past_pushes at \(0, 0\) is nan"),
         ({"past_noise": [0.001]}, "past_noise has 1 numbers; 4 were expected"),

@@ -1,11 +1,15 @@
 """The scene that a robot may be moved by: the latest good one, and no bad one ever."""
 
+from contextlib import suppress
 from types import SimpleNamespace as Message
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from sain_core import wire
 from sain_core.errors import InvalidInputError, StaleSceneError
 from sain_core.scene import STATE_NAMES
 from sain_core.shapes.bodies import Bodies
@@ -40,6 +44,11 @@ EMPTY.disks = []
 BAD = {
     "empty": (EMPTY, "scene has 0 disks; it needs at least 1"),
     "place nan": (scene(body(x=np.nan), body()), "x of disk 0 is nan; must be finite"),
+    "place infinite": (scene(body(), body(y=-np.inf)), "y of disk 1 is -inf; must be finite"),
+    "speed nan": (scene(body(vx=np.nan), body()), "vx of disk 0 is nan"),
+    "heading nan": (scene(body(theta=np.nan), body()), "theta of disk 0 is nan"),
+    "radius 0": (scene(body(), body(radius=0.0)), "radius of body 1 is 0 m; allowed: 0.001"),
+    "radius huge": (scene(body(radius=3.0), body()), "radius of body 0 is 3 m; .* to 0.5 m"),
     "place huge": (scene(body(x=1e300), body()), "x of body 0 is 1e.300 m; allowed: -10 to 10 m"),
     "speed huge": (scene(body(omega=1e9), body()), "omega of body 0 is 1e.09 rad/s; allowed"),
     "heading in degrees": (scene(body(theta=90.0), body()), "theta of body 0 .* like degrees"),
@@ -121,3 +130,34 @@ def test_a_converter_that_starts_anew_is_believed_after_a_pause():
     with pytest.raises(InvalidInputError, match="came after scene 9 of episode 7"):
         door.take(first, 10.5, 0.5)
     assert door.take(first, 10.1 + ANEW, 0.5).ids == (1, 1)
+
+
+STEPS = st.one_of(
+    st.tuples(st.just("good"), st.floats(0.0, 0.4)),
+    st.tuples(st.sampled_from(sorted(BAD)), st.floats(0.0, 0.4)),
+    st.tuples(st.just("shapes"), st.floats(0.0, 0.4)),
+    st.tuples(st.just("nothing"), st.floats(0.0, 2.0)),
+)
+
+
+@given(st.lists(STEPS, max_size=30))
+def test_whatever_comes_what_is_held_is_good_and_a_push_needs_that_it_is_the_latest(steps):
+    door, time, latest = SceneDoor(), 0.0, ""
+    good_at = -np.inf
+    for step, pause in steps:
+        time += pause
+        if step == "shapes":
+            door.state_bodies(TWO, 1)
+        elif step != "nothing":
+            shift = time if step == "good" else 0.0
+            message = scene(stamp=100.0 + shift) if step == "good" else BAD[step][0]
+            try:
+                door.take(message, time, 100.0 + time)
+                latest, good_at = "good", time
+            except InvalidInputError:
+                latest = "bad"
+        if door.seen is not None:
+            wire.check_bodies(wire.check_disks(door.seen.disks))
+        with suppress(StaleSceneError):
+            door.check_push(time, 100.0 + time)
+            assert latest == "good" and time - good_at <= OLD

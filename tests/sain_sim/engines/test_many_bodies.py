@@ -29,3 +29,12 @@ def test_bodies_that_are_far_change_nothing():
     assert np.abs(four[:3, :2] - NEAR[:3]).max() > 0.02
     np.testing.assert_allclose(twelve[:4, :3], four[:, :3], atol=1e-5)
     np.testing.assert_allclose(twelve[4:, :2], FAR, atol=1e-5)
+
+
+def test_jacobians_are_dense_and_accelerations_those_of_few_bodies():
+    from sain_sim.engines.mujoco_description import describe_world
+
+    _, world = pushed(np.concatenate([NEAR, FAR]))
+    config = world.config
+    model = describe_world(config, world.parameters, world._simulation.home)
+    assert model.nv > 60 and model.opt.jacobian == DENSE

@@ -1,6 +1,7 @@
 """What is said of MuJoCo's world, read back from MuJoCo."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from sain_core.errors import ConfigError
 from sain_core.feasibility import Stroke
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
 from sain_core.shapes.bodies import Role
+from sain_core.world import DivergedError
 from sain_sim.arm.panda import TORQUE_SCALE
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
@@ -122,3 +124,20 @@ def test_effects_that_it_has_change_a_push_and_others_are_refused(bench):
     rough = TruthConfig("rough", "tool").roughen(NOMINAL)
     with pytest.raises(ConfigError, match="engine mujoco cannot simulate tool"):
         World(rough, engine=MUJOCO)
+
+
+def test_a_push_that_diverges_has_no_outcome_and_leaves_no_trace(
+    cell_world, bench, tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)  # MuJoCo writes a log where it is
+    cell_world.reset(bench.touching())
+    before, time = cell_world.observe(), cell_world.time
+
+    def break_it(_):
+        cell_world._cell._speeds[MID, 0] = np.nan
+
+    with pytest.raises(DivergedError, match=r"MuJoCo found no solution of the push: .*BADQVEL"):
+        cell_world.push(bench.straight, on_step=break_it)
+    assert np.array_equal(cell_world.observe(), before) and cell_world.time == time
+    assert cell_world.push(bench.straight).settled
+    assert not list(Path(tmp_path).iterdir())

@@ -8,7 +8,7 @@ import pytest
 
 from sain_core.errors import BlockedError
 from sain_core.push import make_push
-from sain_core.scene import MID, POSITION, TARGET, is_settled, unit
+from sain_core.scene import MID, POSITION, TARGET, THETA, is_settled, unit
 from sain_core.shapes.shape import REGULAR_FEET
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.roughness import PATCH_DEPTH, Roughness
@@ -188,3 +188,21 @@ def test_an_effect_is_the_same_alone_and_among_others_and_differs_between_labs(w
             assert np.array_equal(together.arrays()[name], value)
     assert draw_roughness(5, effects, 2, world) != together
     assert draw_roughness(4, effects, 3, world).mass_offsets[:2] == together.mass_offsets
+
+
+def test_a_disk_turns_towards_the_side_that_is_light():
+    for side, heading in ((0.15, -1.0), (-0.15, 1.0)):
+        parameters = rough(mass_offsets=((0.0, side), (0.0, 0.0)))
+        scene = parameters.scene(beside(0.3, 0.2))
+        with World(parameters) as world:
+            world.reset(scene)
+            after = world.push(make_push(0.0, 0.0, 0.1)).after
+        assert heading * after[MID, THETA] < -0.05  # the heavy side stays behind
+
+
+def test_a_disk_slides_farther_where_the_table_is_smooth():
+    ways = []
+    for phase in (0.0, pi):
+        patches = tuple((along, 0.0, phase - along * MIDDLE[0]) for along in (2 * pi / 10,))
+        ways.append(np.hypot(*slide(rough(patches=patches), 0.0)))
+    assert ways[1] / ways[0] == pytest.approx(np.exp(2 * PATCH_DEPTH), rel=0.05)

@@ -1,5 +1,6 @@
 """One graph in each namespace of a domain, and one publisher of each of its topics."""
 
+import os
 import re
 import signal
 import subprocess
@@ -13,8 +14,9 @@ from rclpy.context import Context
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from sain_core.errors import BusyError
-from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
+from sain_core.errors import BusyError, OutputError
+from sain_core.guarding.ros import ownership
+from sain_core.guarding.ros.ownership import find_second_publisher, lock_name, lock_namespace
 
 OWNER = """
 import time
@@ -92,3 +94,13 @@ def test_a_second_publisher_is_named_until_it_ends(graph, node, other):
         assert ("-r /clock:=clock" in found) == (topic == "/clock")
         other.destroy_publisher(publisher)
         graph.wait(lambda topic=topic: not find_second_publisher(node, (topic,)), "its end")
+
+
+@pytest.mark.parametrize("what", ["FIFO", "link"])
+def test_what_is_no_regular_file_is_named(node, what, tmp_path, monkeypatch):
+    monkeypatch.setattr(ownership, "private_folder", lambda: tmp_path)
+    path = tmp_path / lock_name(node.context.get_domain_id(), "/sain")
+    os.mkfifo(path) if what == "FIFO" else path.symlink_to(tmp_path / "victim")
+    with pytest.raises(OutputError, match=rf"cannot lock {path}: "):
+        lock_namespace(node)
+    assert not (tmp_path / "victim").exists()

@@ -7,7 +7,7 @@ from shape_msgs.msg import SolidPrimitive
 from std_msgs.msg import Header
 
 from sain_core.errors import BusyError, ErrorCode, InvalidInputError
-from sain_core.guarding.ros.reception import MOST_BYTES, Reception, check_size
+from sain_core.guarding.ros.reception import LARGE_BYTES, MOST_BYTES, Reception, check_size
 from sain_core.ros.qos import QUEUE
 from sain_interfaces.msg import Bodies, Body, DiskState, Push, PushResult
 from sain_interfaces.srv import LoadModel, ResetScene, Rollout
@@ -86,3 +86,24 @@ def test_what_is_too_large_is_named_with_its_limit_and_emptied(message):
     with pytest.raises(InvalidInputError, match=r"has \d{7} bytes; at most 1048576 are accepted"):
         check_size(message)
     check_size(message)
+
+
+def test_a_request_that_is_too_large_does_not_reach_the_callback(graph, node):
+    Reception(node).serve(LoadModel, "load_model", fail(AssertionError("it was called")))
+    reply = graph.call(LoadModel, "load_model", LoadModel.Request(model=LONG))
+    assert ErrorCode(reply.error_code) is ErrorCode.INVALID
+    assert "bytes; at most 1048576 are accepted" in reply.error_message
+
+
+def test_ids_and_numbers_of_what_is_emptied_stay():
+    message = Push(push_id=7, source=LONG, length=0.1, disks=[DiskState()] * 33)
+    with pytest.raises(InvalidInputError):
+        check_size(message)
+    assert message == Push(push_id=7, length=0.1)
+
+
+def test_a_topic_may_have_a_limit_of_its_own():
+    request = Rollout.Request(pushes=[0.0] * (MOST_BYTES // 8))
+    check_size(request, LARGE_BYTES)
+    with pytest.raises(InvalidInputError, match="at most 1000 are accepted"):
+        check_size(request, 1000)

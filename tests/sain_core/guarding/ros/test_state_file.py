@@ -1,8 +1,11 @@
 """What is no state of a node is refused in one line: its path, why, and what to do."""
 
+import os
+from pathlib import Path
+
 import pytest
 
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.ros.state_file import StateFile, id_in, message_of
 from sain_interfaces.msg import Push
 
@@ -32,3 +35,22 @@ def test_a_state_that_is_none_is_refused_with_its_path(graph, tmp_path, text, wh
             id_in(state, "id")
             message_of(Push, state["push"])
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("kind", "make"),
+    [
+        ("a FIFO", os.mkfifo),
+        ("a folder", Path.mkdir),
+        ("a symbolic link", lambda path: path.symlink_to(path.parent / "victim")),
+    ],
+)
+def test_links_folders_and_pipes_are_no_place_for_a_state(graph, tmp_path, kind, make):
+    path = tmp_path / "node.json"
+    make(path)
+    file, before = StateFile(graph.bystander, str(path)), path.lstat()
+    with pytest.raises(OutputError, match=f"node.json is {kind}, which is never replaced"):
+        file.read()
+    file.write(id=1)  # is logged as an error
+    assert (path.lstat().st_ino, path.lstat().st_mode) == (before.st_ino, before.st_mode)
+    assert [one.name for one in tmp_path.iterdir()] == ["node.json"]
