@@ -14,6 +14,7 @@ from sain_bags.playing import (
     Passage,
     PlayOptions,
     choose_topics,
+    place_in,
     play,
 )
 from sain_bags.reading.reader import Bag
@@ -162,3 +163,16 @@ def test_a_recorded_clock_is_not_doubled(flags):
 def test_settings_are_checked(config, message):
     with pytest.raises(ConfigError, match=message):
         PlayOptions(Path(), **config)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "topic", "name"),
+    [
+        ("", "/sain/scene", "/sain/scene"),
+        ("/again", "/sain/scene", "/again/sain/scene"),
+        ("a/b/", "/x", "/a/b/x"),
+        ("again", "/clock", "/clock"),
+    ],
+)
+def test_topics_have_a_place_in_a_namespace(namespace, topic, name):
+    assert place_in(namespace, topic) == name

@@ -114,3 +114,26 @@ def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed):
     within = one.distances <= [pose.tolerance for pose in wanted.poses]
     within &= one.turns <= [pose.heading_tolerance for pose in wanted.poses]
     assert one.reached == (within.all() and one.ways.max() <= wanted.keep_tolerance)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_goal_is_reached_if_and_only_if_all_errors_are_within_their_tolerances(seed):
+    random = np.random.default_rng(seed)
+    wanted = goal(
+        BodyPose(0, 0.5, 0.1, 1.0, *random.uniform(0.01, 0.05, 2)),
+        BodyPose(2, 0.4, -0.3, tolerance=random.uniform(0.01, 0.05)),
+        keep=(1,),
+    )
+    after = wanted.placed(SCENE)
+    after[:3, :3] += random.normal(0.0, [0.006, 0.006, 0.02], (3, 3))
+    after[1, :2] = SCENE[1, :2] + random.normal(0.0, 0.003, 2)
+    first, second = wanted.poses
+    expected = (
+        np.hypot(*after[0, :2] - [0.5, 0.1]) <= first.tolerance
+        and abs(after[0, 2] - 1.0) <= first.heading_tolerance
+        and np.hypot(*after[2, :2] - [0.4, -0.3]) <= second.tolerance
+        and np.hypot(*(after - SCENE)[1, :2]) <= wanted.keep_tolerance
+    )
+    judged = wanted.judge(after, SCENE, BODIES)
+    assert judged.reached == expected
+    assert (judged.missed == () and judged.moved() is None) == expected

@@ -16,6 +16,7 @@ from sain_bags.dataset.conversion import Converted, convert
 from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
 from sain_core.model import load_dynamics
+from sain_core.transitions import RECORDED, Column
 from sain_core.workers import WorkerOptions
 from sain_model.data.dataset import load_dataset
 from tests.sain_bags.driven import BLOCKED, DUPLICATE, Drive, Parts
@@ -253,3 +254,25 @@ def test_numbers_of_disks_go_to_shards_of_their_own(record: Start, tmp_path: Pat
     assert [(part.disks, len(part)) for part in mixed.parts] == [(2, 6), (3, 6)]
     card = json.loads((tmp_path / "out" / "card.json").read_text())
     assert card["disks"] == {"2": 6, "3": 6}
+
+
+@pytest.mark.parametrize("disks", [2, 3])
+def test_every_column_is_as_the_schema_has_it(disks: int, record: Start) -> None:
+    rows, done, card = to_rows(drive(record, parts=Parts(disks=disks)))
+    assert list(rows)[: len(RECORDED)] == list(RECORDED)
+    for name, values in rows.items():
+        column = Column(name)
+        assert values.shape == (done.transitions, *column.row_shape(disks)), name
+        assert values.dtype.kind == np.dtype(column.dtype).kind, name
+        assert column.dtype == "str" or values.dtype == column.dtype, name
+    assert card["fields"] == {name: list(values.shape[1:]) for name, values in rows.items()}
+
+
+def test_contiguous_pushes_are_what_another_reader_reads(record: Start, tmp_path: Path) -> None:
+    recording = record()
+    driver = Drive(recording, Parts(scenes=False, unanswered=(5,)))
+    for episode in range(12):
+        driver.episode(episode + 1, range(20 * episode + 1, 20 * episode + 9))
+    recording.writer.close()
+    convert([recording.writer.folder], tmp_path / "out")
+    assert compare(shards(tmp_path / "out"), recording.writer.folder) > 12 * 7 * 17

@@ -217,3 +217,16 @@ def test_bodies_that_come_after_the_first_push_hold_for_the_episode(
     convert([tmp_path / "bag"], tmp_path / "npz", KEPT)
     shapes = read_npz(tmp_path / "npz")[Column.SHAPES].tolist()
     assert shapes == ["disk,disk", "t,disk", "t,disk", "disk,disk"]
+
+
+def test_a_goal_of_the_target_is_for_the_only_body(
+    record: Callable[..., Any], tmp_path: Path
+) -> None:
+    recording = record("bag")
+    poses = recording.messages.poses(0.5, 0.1)
+    recording.add("/sain/goal", "Goal", goal_id=1, episode_id=1, poses=poses)
+    recording.push(1, 1, *(state[1:] for state in STATES[:2]))
+    recording.writer.close()
+    convert([tmp_path / "bag"], tmp_path / "npz", KEPT)
+    rows = read_npz(tmp_path / "npz")
+    np.testing.assert_array_equal(rows[Column.GOAL_POSES], [[0.5, 0.1, np.nan]])

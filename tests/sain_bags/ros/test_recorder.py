@@ -186,3 +186,14 @@ def test_topics_that_are_never_connected_are_named(
         "ready",
     ]
     studio.end()
+
+
+def test_rosbags_finds_the_type_hash_that_it_computes_itself(studio: Studio) -> None:
+    studio.start("/scene")
+    studio.player.create_publisher(Scene, "/scene", LATCHED).publish(Scene(episode_id=3))
+    studio.recorded("/scene", 1)
+    with AnyReader([studio.end().path]) as reader:  # raises when the hashes differ
+        (found,) = [
+            reader.deserialize(raw, connection.msgtype) for connection, _, raw in reader.messages()
+        ]
+    assert found.episode_id == 3
