@@ -20,6 +20,7 @@ NEAR, FAR = "the goal (0.9, 0.0) is out of reach", "the goal (0.8, 0.1) is out o
 @pytest.mark.parametrize(
     ("reports", "printed"),
     [
+        ([(3.0, CAMERA)], [CAMERA]),  # within three seconds
         ([(3.0, CAMERA), (60.0, CAMERA)], [CAMERA]),  # once
         ([(3.0, CAMERA), (1.0, ""), (3.0, CAMERA)], [CAMERA, CAMERA]),  # cleared, and back
         ([(3.0, CAMERA), (3.0, "camera: no tag")], [CAMERA, "camera: no tag"]),

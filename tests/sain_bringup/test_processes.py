@@ -147,3 +147,11 @@ def test_a_second_interrupt_does_not_disturb_the_end(tmp_path):
     assert done.stderr == ""
     assert gone(int(done.stdout))
     assert (tmp_path / "orderly.log").read_text() == "up\nclosing\nclosed\n"
+
+
+def test_a_command_that_does_not_exist_is_reported(tmp_path):
+    with Supervisor(tmp_path, QUICK) as supervisor:
+        supervisor.start("ghost", [str(tmp_path / "no-such-program")])
+        until(lambda: supervisor.children[0].process.poll() is not None)
+        with pytest.raises(ProcessDiedError, match="No such file"):
+            supervisor.check()

@@ -137,6 +137,12 @@ def test_one_that_ends_as_asked_is_not_restarted(supervisor, ending):
         until(supervisor, lambda: False)
 
 
+def test_one_that_fails_at_its_start_is_not_restarted(supervisor):
+    start(supervisor, "raise SystemExit('parameter seed is -1')")
+    with pytest.raises(ProcessDiedError, match=r"exit code 1; .*\n.*seed is -1"):
+        until(supervisor, lambda: False)
+
+
 @pytest.mark.parametrize("closed_before", [True, False])
 def test_joining_takes_as_long_as_it_takes_and_that_is_told(
     closed_before, supervisor, told, tmp_path

@@ -1,8 +1,11 @@
 """What cannot be is an error of one line: what was wrong, what is allowed, what to do."""
 
+import numpy as np
 import pytest
 
+from sain_core.scene import POSITION, TARGET
 from sain_eval import commands
+from sain_sim.world.workcell import Workcell
 
 
 @pytest.mark.parametrize(
@@ -32,3 +35,20 @@ def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, c
     shown = capsys.readouterr().out
     assert "the tolerances are too small for what is observed: poses have standard dev" in shown
     assert "choose wider tolerances" in shown
+
+
+def test_an_engine_that_explodes_is_the_reason_of_the_failure(tmp_path, capsys, monkeypatch):
+    true_scene = Workcell.observe
+
+    def exploded(cell: Workcell) -> np.ndarray:
+        scene = true_scene(cell)
+        if not cell.unmoved:
+            scene[TARGET, POSITION] += 1e6
+        return scene
+
+    monkeypatch.setattr(Workcell, "observe", exploded)
+    arguments = ["--scenario", "paper", "--scenes", "1", "--controllers", "straight"]
+    assert commands.evaluate([*arguments, "--out", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    assert "DivergedError: the engine found no solution of the push: body 1 would end" in shown
+    assert "possible are 2 m; 0 pushes" in shown

@@ -14,7 +14,7 @@ from sain_core.errors import BusyError, DatasetError, OutputError, SainError
 from sain_lab.cli.lab import LabOptions, run
 from sain_lab.learner import Learner
 from sain_lab.storage.laboratory import LOG, MANIFEST, WAITING, Laboratory, OpenLaboratory, forget
-from sain_lab.storage.log import LogReader, LogWriter
+from sain_lab.storage.log import MOST_BYTES, LogReader, LogWriter
 from tests.sain_lab.table import SmallTable
 
 PUSH = {"kind": "push", **SmallTable().push().record()}
@@ -138,6 +138,7 @@ def test_a_belief_that_was_changed_is_not_replaced(tmp_path):
         (lambda path: change(path, service="models/000100"), "model in service"),
         (lambda path: change(path, service="../../etc"), "is damaged"),
         (lambda path: (path / LOG).unlink(), "not whole"),
+        (lambda path: os.truncate(path / LOG, MOST_BYTES + 1), "bytes; allowed: 4,294,967,296"),
         (lambda path: (path / MANIFEST).write_text("{"), "is damaged"),
     ],
 )
@@ -187,9 +188,20 @@ def linked_models(path):
     return path
 
 
+def with_a_manifest_alone(path):
+    """Make a folder that has a file with the name of a laboratory's manifest."""
+    path.mkdir()
+    (path / MANIFEST).write_text("{}")
+    return path
+
+
 @pytest.mark.parametrize(
     ("make", "reason"),
-    [(of_a_stranger, "nothing is removed"), (linked_models, "is a symbolic link")],
+    [
+        (of_a_stranger, "nothing is removed"),
+        (linked_models, "is a symbolic link"),
+        (with_a_manifest_alone, "is damaged: it has no 'format'"),
+    ],
 )
 def test_what_is_not_ours_is_neither_forgotten_nor_removed_by_a_learner(tmp_path, make, reason):
     path = make(tmp_path / "lab")

@@ -105,6 +105,7 @@ def moved(scene, body, column, value):
         (lambda r: {"after": moved(r.after, 0, 3, 0.2)}, "not at rest"),
         (lambda r: {"after": moved(r.after, 1, 0, 3.0)}, "a body moved 3"),
         (lambda r: {"after": r.after[:1]}, "shape"),
+        (lambda r: {"episode": 300 * "e"}, "episode has 300 characters; allowed: 256"),
     ],
 )
 def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, change, reason):

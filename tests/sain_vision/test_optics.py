@@ -69,6 +69,14 @@ def test_rays_are_those_of_the_lens_own_formula(lens, numbers, focal):
     np.testing.assert_allclose(rays[:, :2], right, rtol=1e-6)
 
 
+def test_beyond_the_fold_of_a_lens_nothing_is_seen():
+    camera = camera_of("plumb_bob", [-0.3, 0, 0, 0, 0], 900)  # folds at a slope of 1.05
+    assert np.isnan(camera.project(np.array([[1.3, 0.0, 1.0]]))).all()
+    assert np.isfinite(camera.project(np.array([[1.0, 0.0, 1.0]]))).all()
+    far = np.array([[639.5 + 900 * 0.75, 479.5]])  # the fold is at 0.70
+    assert np.isnan(camera.rays(far)).any()
+
+
 def edited(row: int, column: int, value: float) -> np.ndarray:
     matrix = K.copy()
     matrix[row, column] = value

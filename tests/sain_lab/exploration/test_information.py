@@ -93,6 +93,15 @@ def test_as_many_pushes_more_leave_less_but_never_nothing(scenes, pushes, work):
     assert errors[2] > errors[1] / 2
 
 
+def test_the_spread_that_is_stated_holds_the_truth(scenes, pushes):
+    truth = replace(TEXTBOOK, tool_friction=0.2, disk_friction=0.08)
+    after = PlanarPrior(truth).step(scenes, pushes)
+    found = Certainty.of(MODEL, PAPER_DISKS, PushHistory(scenes, pushes, after)).named
+    for name in ("tool_friction", "disk_friction"):
+        value, spread = found[name]
+        assert abs(np.log(value / getattr(truth, name))) < 3.0 * spread < 0.5
+
+
 def test_no_push_is_chosen_that_may_leave_the_reach(scenes, pushes):
     found = answers(certainty(), PAPER_DISKS, scenes, pushes)
     everywhere = stays_in_reach(SCENE, found, Feasibility())

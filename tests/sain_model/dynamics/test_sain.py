@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_core.push import LENGTH
-from sain_core.scene import POSITION, THETA, X, wrap_angle
+from sain_core.scene import POSITION, THETA, X, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_model.data.dataset import Part
@@ -12,6 +12,7 @@ from sain_model.dynamics.intervals import Intervals, Region
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
+from sain_model.network.features import apply_residual, true_residual
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
@@ -44,6 +45,30 @@ def test_turning_and_moving_scene_and_push_turns_and_moves_the_prediction(sain, 
     after = sain.step(moved, pushes)
     np.testing.assert_allclose(after[..., POSITION], expected[..., POSITION], atol=2e-5)
     np.testing.assert_allclose(wrap_angle(after[..., THETA] - expected[..., THETA]), 0, atol=1e-3)
+
+
+def test_renumbering_the_other_disks_renumbers_the_prediction(sain, random_pushes):
+    positions = np.array([[0.45, 0.0], [0.591, 0.0], [0.5, 0.14], [0.5, -0.15]])
+    scene = make_scene(
+        positions, np.array([8.0, 7.0, 7.5, 8.5]), np.array([0.08, 0.06, 0.06, 0.06])
+    )
+    scenes = np.stack([scene] * 10)
+    _, pushes = random_pushes(10, 4)
+    order = [0, 1, 3, 2]
+    np.testing.assert_allclose(
+        sain.step(scenes[:, order], pushes), sain.step(scenes, pushes)[:, order], atol=1e-4
+    )
+
+
+def test_the_true_residual_makes_the_prediction_true(random_pushes):
+    scenes, pushes = random_pushes(30, 0)
+    physics = PlanarPrior().step(scenes, pushes)
+    truth = physics.copy()
+    truth[..., POSITION] += np.random.default_rng(0).normal(0, 0.01, truth[..., POSITION].shape)
+    truth[..., THETA] = wrap_angle(truth[..., THETA] + 3.0)
+    again = apply_residual(physics, pushes, true_residual(truth, pushes, physics))
+    np.testing.assert_allclose(again[..., POSITION], truth[..., POSITION], atol=1e-12)
+    np.testing.assert_allclose(wrap_angle(again[..., THETA] - truth[..., THETA]), 0, atol=1e-9)
 
 
 def test_the_mean_is_what_step_predicts_and_the_spread_that_of_the_members(random_pushes):

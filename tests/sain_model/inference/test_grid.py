@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sain_core.scene import POSITION
+from sain_core.push import mirror_pushes
+from sain_core.scene import POSITION, mirror_scenes
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import SainDynamics
@@ -52,6 +53,17 @@ def test_a_few_pushes_show_the_friction_also_outside_the_default_range(
     conditioned = planar.condition(history(random_pushes, truth, noise=2e-4))
     assert conditioned.value(FRICTION) == pytest.approx(truth, rel=0.06)
     assert conditioned.spread(FRICTION) < 0.1
+
+
+def test_the_order_of_pushes_and_a_mirror_change_nothing(planar, random_pushes):
+    past = history(random_pushes, 0.17, noise=5e-4)
+    truth = planar.condition(past).value(FRICTION)
+    turned = past.select(slice(None, None, -1))
+    assert planar.condition(turned).value(FRICTION) == pytest.approx(truth, rel=1e-9)
+    mirrored = PushHistory(
+        mirror_scenes(past.state), mirror_pushes(past.action), mirror_scenes(past.next_state)
+    )
+    assert planar.condition(mirrored).value(FRICTION) == pytest.approx(truth, rel=1e-3)
 
 
 def test_one_push_that_no_friction_explains_does_not_decide(planar, random_pushes):

@@ -11,6 +11,7 @@ from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.residual import CompiledNetwork
 from sain_model.network.feature_kernels import (
+    BODY_FEATURES,
     CONTACT_BEFORE,
     EXTENT_BEFORE,
     EXTENT_SCALE,
@@ -24,6 +25,7 @@ from sain_model.network.feature_kernels import (
     SENDER,
 )
 from sain_model.network.features import (
+    BELIEVED_FEATURES,
     Features,
     mirrored_columns,
     network_inputs,
@@ -189,6 +191,21 @@ def test_a_contact_is_where_two_sides_meet():
     assert there[GAP_BEFORE] == there[GAP_AFTER]
     assert (there[IS_TOOL], tool[IS_TOOL]) == (0.0, 1.0)
     assert tool[GAP_BEFORE] == pytest.approx(np.tanh(0.005 / GAP_SCALE), abs=1e-5)
+
+
+def test_each_parameter_is_seen():
+    scenes, pushes, after = draw(2, 20)
+    values, bodies = draw_values(2, 20), bodies_of("t", "disk")
+
+    def believed(**more: np.ndarray) -> np.ndarray:
+        features = features_of(scenes, pushes, after, bodies, values | more)
+        return features.bodies[..., BODY_FEATURES:]
+
+    before = believed()
+    assert before.shape == (20, 2, BELIEVED_FEATURES)
+    for name in SEEN:
+        moved = np.abs(believed(**{name: values[name] + 0.1}) - before)
+        assert (moved.max(axis=(1, 2)) > 0.01).all(), name
 
 
 @pytest.mark.parametrize(

@@ -6,21 +6,26 @@ import numpy as np
 import pytest
 
 from sain_core.errors import InvalidInputError
+from sain_core.feasibility import Feasibility
 from sain_core.push import (
     BODY,
+    LENGTH,
     LOCATION,
     PushLimits,
     make_push,
     mirror_pushes,
+    push_direction,
 )
 from sain_core.scene import (
     MASS,
+    MID,
     POSITION,
     THETA,
     X,
     Y,
     make_scene,
     mirror_scenes,
+    unit,
     wrap_angle,
 )
 from sain_core.shapes.bodies import Bodies, Role, overlap
@@ -160,6 +165,21 @@ def test_the_tool_touches_what_is_in_its_way_and_says_so():
     pushes = make_push([-2.3, 2.3], [np.pi / 4, 0.0], [0.15, 0.05])
     _, touched = prior.step_with_contacts(np.repeat(scene, 2, axis=0), pushes)
     assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
+
+
+def test_pushed_disks_move_along_with_the_push_and_gain_no_energy():
+    """Nothing gets farther than the tool's way and a slide from its speed, bounce included."""
+    prior, (scenes, pushes) = PlanarPrior(), draw(Bodies.disks(3), batch=200)
+    pushes[:, BODY] = 0.0
+    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
+    way = unit(push_direction(pushes))
+    moved = (prior.step(scenes, pushes) - scenes)[..., POSITION]
+    along = (moved[:, MID] * way).sum(-1)
+    assert (along[possible] > -1e-9).all()
+    fastest = 0.2 * (1 + prior.config.tool_restitution) * (1 + prior.config.disk_restitution)
+    farthest = pushes[:, LENGTH] + fastest**2 / (2 * 0.12 * 9.81)
+    distance = np.linalg.norm(moved, axis=-1).max(axis=-1)
+    assert (distance[possible] < farthest[possible] + 1e-3).all()
 
 
 def test_bad_input_is_refused_by_name():

@@ -148,3 +148,28 @@ def test_a_soft_contact_stays_pressed_in_by_what_friction_takes(name):
     moved = (prior.step(scenes, pushes, values) - scenes)[:, 0, 0]
     pressed = softness * SLOW.friction * mass * SLOW.gravity
     np.testing.assert_allclose(moved[0] - moved, pressed, atol=2e-5)
+
+
+@pytest.mark.parametrize(
+    ("names", "name"), [(("t",), "tool_compliance"), (("square", "disk"), "body_compliance")]
+)
+def test_as_compliance_goes_to_zero_contacts_become_rigid(names, name):
+    random, count = np.random.default_rng(1), len(names)
+    places = np.array([(0.5, 0.0), (0.68, 0.03)])[:count]
+    scene = make_scene(places, np.array([8.0, 3.0])[:count], np.array([0.07, 0.06])[:count])
+    scenes = np.repeat(scene[None], 40, axis=0)
+    ways = random.uniform((-0.3, -0.4), (0.3, 0.4), (40, 2))
+    pushes = make_push(*ways.T, LENGTH, speed=random.uniform(0.01, 0.3, 40))
+    fine = replace(TEXTBOOK, longest_step=0.002)
+    prior = PlanarPrior(fine, Bodies.named(list(names), [Role.PUSHABLE] * count))
+    rigid = prior.step(scenes, pushes)
+    np.testing.assert_array_equal(prior.step(scenes, pushes, {name: np.zeros(40)}), rigid)
+
+    def off(softness: float) -> Scalars:
+        after = prior.step(scenes, pushes, {name: np.full(40, softness)})
+        return np.linalg.norm((after - rigid)[..., :2], axis=-1).max(axis=1)
+
+    soft = off(1e-4)
+    counts = soft > 1e-6  # in these pushes such a contact is made at all
+    assert counts.sum() > 10
+    assert np.median(off(1e-8)[counts]) < min(1e-4, 0.2 * np.median(soft[counts]))

@@ -18,13 +18,15 @@ from sain_core.push import (
     as_strokes,
     make_stroke,
 )
-from sain_core.scene import POSITION, make_scene, unit
+from sain_core.scene import POSITION, THETA, make_scene, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_core.types import Pushes, Scenes
-from sain_model.network.features import push_frames
+from sain_model.network.features import network_inputs, push_frames
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior, first_touch
+from tests.strokes import rotate_pushes, rotate_scenes
 
 LIMITS = PushLimits()
 TIP = 0.00475
@@ -69,6 +71,28 @@ def test_a_push_is_predicted_as_the_stroke_that_it_is_of_its_own_tool(names, rad
     predicted = PlanarPrior().with_bodies(bodies).step(scenes, strokes)
     np.testing.assert_allclose(predicted, expected, atol=1e-9)
     assert np.abs(expected - scenes)[..., POSITION].max() > 0.02
+
+
+@pytest.mark.parametrize("names", [("disk", "disk"), ("t", "disk"), ("ellipse",)])
+def test_a_turned_stroke_ends_turned_and_looks_the_same(names):
+    bodies = bodies_of(*names)
+    scenes, _ = draw(len(names), 60)
+    strokes = draw_strokes(scenes)
+    prior = PlanarPrior().with_bodies(bodies)
+    after = prior.step(scenes, strokes)
+    turned_scenes, turned = rotate_scenes(scenes, 0.7), rotate_pushes(strokes, 0.7)
+    away = prior.step(turned_scenes, turned) - rotate_scenes(after, 0.7)
+    away[..., THETA] = wrap_angle(away[..., THETA])
+    assert np.abs(away).max() < 1e-4
+    looks, turned_looks = (
+        network_inputs(NetworkConfig(), at, push_frames(at, push, bodies), moved, bodies)
+        for at, push, moved in (
+            (scenes, strokes, after),
+            (turned_scenes, turned, rotate_scenes(after, 0.7)),
+        )
+    )
+    np.testing.assert_allclose(turned_looks.bodies, looks.bodies, atol=2e-4)
+    np.testing.assert_allclose(turned_looks.relations, looks.relations, atol=2e-4)
 
 
 def test_the_frame_is_where_the_tool_first_touches():

@@ -194,6 +194,9 @@ def test_a_model_of_no_known_name_and_one_that_predicts_nan_are_refused(graph, m
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="planer"))
     assert ErrorCode(loaded.error_code) is ErrorCode.CONFIG
     assert "did you mean 'planar'" in loaded.error_message
+    loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model=5000 * "a/"))
+    assert ErrorCode(loaded.error_code) is ErrorCode.CONFIG
+    assert loaded.error_message.endswith("the model has 10000 characters; allowed: 4096")
     monkeypatch.setattr(server, "load_dynamics", lambda name: Broken())
     loaded = graph.call(LoadModel, "load_model", LoadModel.Request(model="broken"))
     assert ErrorCode(loaded.error_code) is ErrorCode.MODEL_UNAVAILABLE

@@ -78,6 +78,14 @@ def test_the_loss_is_the_papers():
     assert robust < mixed_loss(100 * predicted, examples, rows, TrainingConfig(robust=False))
 
 
+def test_a_command_line_says_what_is_wrong(dataset, tmp_path, capsys):
+    assert commands.train([str(tmp_path / "none"), "--out", str(tmp_path)]) == 1
+    assert "does not exist" in " ".join(capsys.readouterr().err.split())
+    missing = str(tmp_path / "m.safetensors")
+    assert commands.evaluate([str(dataset), "--checkpoint", missing]) == 1
+    assert "does not exist" in " ".join(capsys.readouterr().err.split())
+
+
 TINY = NetworkConfig(hidden=8, message=4)
 
 

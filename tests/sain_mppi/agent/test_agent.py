@@ -11,11 +11,13 @@ from sain_core.goal import Goal
 from sain_core.model import IdentityPrior
 from sain_core.push import make_push
 from sain_core.scene import POSITION, TARGET
+from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
 from sain_core.world import PushRecord
 from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
 from sain_mppi.agent.events import (
     Computation,
+    EpisodeBegun,
     GoalCancelled,
     GoalGiven,
     PushDecision,
@@ -26,7 +28,7 @@ from sain_mppi.agent.events import (
     Task,
     TimePassed,
 )
-from sain_mppi.agent.planning import Decider
+from sain_mppi.agent.planning import Decider, PlanningDecider
 from sain_mppi.config import PlannerConfig
 
 CONFIG = AgentConfig(planner=PlannerConfig(samples=32, rounds=2, horizon=2))
@@ -175,6 +177,33 @@ def work(agent, *events) -> Computation:
     return found
 
 
+def test_work_that_raised_is_a_stop_and_what_the_push_need_not_wait_for_is_not(agent, scene):
+    bug = ZeroDivisionError("a bug")
+    first = work(agent, GoalGiven(TASK), SceneObserved(scene, 1, 1))
+    [stop] = agent.update(first.failed(bug))
+    assert (stop.reason, stop.error, stop.job.task) == (StopReason.FAILED, bug, TASK)
+    decision, complete, prepare = agent.update(
+        work(agent, GoalGiven(replace(TASK, goal_id=2))).run()
+    )
+    assert complete.failed(bug).decision is decision
+    assert agent.update(complete.failed(bug)) == agent.update(prepare.failed(bug)) == ()
+
+
+def test_an_episode_that_begins_again_has_no_result_of_the_push_under_way(agent, scene):
+    episode = EpisodeBegun(1, PAPER_DISKS)
+    act(agent, episode)
+    pushed(begun(agent, scene))
+    assert (act(agent, episode), agent.pushes) == (None, 0)
+    pushed(act(agent, SceneObserved(scene, 1, 1)))  # the next scene to arrive is decided on
+
+
+def test_scenes_wait_for_the_bodies_of_their_episode(agent, scene):
+    act(agent, GoalGiven(TASK))
+    assert act(agent, SceneObserved(scene, 1, 1, bodies_follow=True)) is None
+    assert agent.early == 1
+    assert pushed(act(agent, EpisodeBegun(1, PAPER_DISKS))).job.observed.key == (1, 1)
+
+
 def test_a_decision_is_cancelled_while_it_is_made(scene):
     class Slow(Still):
         """Answers each question when the test allows it."""
@@ -194,3 +223,26 @@ def test_a_decision_is_cancelled_while_it_is_made(scene):
     answer.set()
     worker.join(10.0)
     assert decided[0].outcome is None and agent.update(decided[0]) == ()
+
+
+class Adjusting(IdentityPrior):
+    """A model that changes the settings while it is asked."""
+
+    decider: PlanningDecider
+
+    def __init__(self, dynamics):
+        self.model = dynamics
+
+    def rollout(self, scene, pushes):
+        self.decider.adjust(PlannerConfig(samples=12, horizon=1))
+        return self.model.rollout(scene, pushes)
+
+
+def test_a_plan_in_progress_keeps_its_settings(scene, dynamics):
+    model = Adjusting(dynamics)
+    model.decider = PlanningDecider(model, model, CONFIG.planner)
+    agent = Agent(model.decider, CONFIG)
+    first = pushed(begun(agent, scene))
+    assert (first.settings, len(first.plan.pushes)) == (CONFIG.planner, 2)
+    then = pushed(act(agent, GoalGiven(replace(TASK, goal_id=2))))
+    assert (then.settings.samples, len(then.plan.pushes)) == (12, 1)

@@ -145,3 +145,13 @@ def test_a_cost_of_ones_own_that_is_no_finite_number_is_named(
     with pytest.raises(ConfigError, match=text):
         objective.rest_cost()
         objective.terms(pushes, predicted)
+
+
+def test_a_cost_of_ones_own_may_forbid_some_samples(scene, dynamics, monkeypatch):
+    def mine(rollout, objective):
+        return np.where(np.arange(len(rollout.pushes)) % 2, np.inf, 0.0)
+
+    offer(monkeypatch, mine)
+    pushes = FEASIBILITY.limits.sample(generator(0), 64).reshape(64, 1, 5)
+    terms = terms_of(scene, pushes, dynamics.rollout(scene, pushes), (0.5, 0.25))
+    assert np.isinf(total_cost(terms)).sum() == 32

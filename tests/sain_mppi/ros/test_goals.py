@@ -142,3 +142,13 @@ def test_a_cancelled_action_sends_no_more_pushes(graph, straw, planner, client):
     straw.show(scene_id=2)
     graph.spin(1.0)
     assert len(graph.heard["push"]) == 1
+
+
+def test_a_newer_goal_ends_the_action(graph, straw, planner, client):
+    straw.show()
+    handle = send(graph, client)
+    nth_push(graph, 1)
+    graph.aim((0.45, 0.2), 7)
+    answer = result_of(graph, handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert answer.result.error_message == "goal 7 was given"

@@ -156,6 +156,24 @@ def test_a_silent_model_holds_up_neither_a_new_goal_nor_the_end(
     assert time.monotonic() < began + 30.0
 
 
+def test_while_a_plan_waits_for_its_model_a_new_goal_cancels_it(graph, straw):
+    goals = []
+
+    def answer(scene, pushes, response):
+        if not goals:  # the plan for goal 1 waits for this answer
+            goals.append(2)
+            graph.aim((0.65, 0.0), 2)
+        still(scene, pushes, response)
+
+    Remote(graph, answer)
+    remote_planner(graph, planner__rounds=4, model_timeout=30.0)
+    graph.aim(GOAL, 1)
+    straw.show()
+    push = nth_push(graph, 1)
+    assert plan(graph, push_id=push.push_id).goal_id == 2
+    assert not graph.find("plan", goal_id=1)
+
+
 class Starting:
     """What the node of a model says while it loads."""
 

@@ -190,3 +190,8 @@ def test_a_crowded_image_is_read_in_time_and_its_largest_squares_are(name):
 def test_tags_that_are_none_of_the_family_are_named(picture, text):
     finder = TagFinder(TagConfig())
     assert not finder.find(picture) and text in finder.problems[0]
+
+
+def test_tags_that_nobody_has_are_nobody(picture):
+    found, problems = locate(picture, file_of((Tag(77),)))
+    assert (found, problems) == ({}, [])

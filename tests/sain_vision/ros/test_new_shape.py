@@ -105,6 +105,7 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(look, tmp_path, depth,
     ("change", "text"),
     [
         ({"name": "a/b"}, "name is 'a/b'; allowed: letters"),
+        ({"name": ".."}, "name is '..'; allowed: letters, .* no '-' or '.' first"),
         ({"name": "disk", "overwrite": True}, "there is a shape 'disk'"),
         ({"info": None}, "--depth needs --info and --extrinsics"),
         ({"yes": False}, "there is no terminal to confirm"),

@@ -63,6 +63,11 @@ def test_depths_of_both_encodings_are_metres(encoding):
     np.testing.assert_allclose(decode_depth(message), [[0.5, np.nan], [1.25, 2.0]])
 
 
+def floats(value):
+    """Make the image one of floats [m]."""
+    return {"encoding": "32FC1", "step": 8, "data": np.full(4, value, "<f4").tobytes()}
+
+
 @pytest.mark.parametrize(
     ("change", "text"),
     [
@@ -71,6 +76,12 @@ def test_depths_of_both_encodings_are_metres(encoding):
         ({"height": 3}, "it must have 3 rows of at least 4"),
         ({"step": 2}, "in rows of 2; it must have 2 rows of at least 4"),
         ({"data": bytes(8)}, "no distance of 0.05 to 10 m, all are unknown: 16 bits must be"),
+        (
+            {"encoding": "32FC1", "step": 8, "data": np.full(4, 1000.0, "<f4").tobytes()},
+            "floats in m",
+        ),
+        (floats(np.nan), "all are unknown"),
+        (floats(np.inf), "their median is inf m"),
         ({"data": 4 * b"\x03\xe8"}, "their median is 59.4 m: 16 bits must be in mm"),
     ],
 )

@@ -100,10 +100,11 @@ class LogReader:
     def read(self) -> Iterator[Record]:
         """Yield the records since the last time.
 
-        Raises `DatasetError`: no such file, or of another version.
+        Raises `DatasetError`: no such file, too large, or of another version.
         """
         try:
             with open_regular(self._path) as file:
+                self._check_size(os.fstat(file.fileno()).st_size)
                 file.seek(self.place)
                 while (line := _next_line(file)) and not _is_cut_off(line):
                     self.place, self._lines = file.tell(), self._lines + 1
@@ -115,6 +116,10 @@ class LogReader:
             ) from None
         except (OSError, UntrustedFileError) as error:
             raise DatasetError(f"{self._path} cannot be read: {error}") from error
+
+    def _check_size(self, size: int) -> None:
+        if size > MOST_BYTES:
+            raise DatasetError(f"{self._path} has {size:,} bytes; allowed: {MOST_BYTES:,}")
 
     def _record(self, line: bytes) -> Record | None:
         """Return the record of a line; None: the line is damaged, or states the format."""

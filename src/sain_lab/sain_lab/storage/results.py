@@ -8,7 +8,7 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies, as_names, bodies_named
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scene, Scenes
 from sain_core.world import MOST_WAY, PushRecord
+
+LONGEST_IDENTITY: Final = 256  # characters
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,11 @@ class Result(PushRecord):
         """
         if self.code != ErrorCode.OK:
             raise InvalidInputError(f"the push was refused: {_code_name(self.code)}")
+        for name, text in (("episode", self.episode), ("identity", self.identity)):
+            if len(text) > LONGEST_IDENTITY:
+                raise InvalidInputError(
+                    f"{name} has {len(text)} characters; allowed: {LONGEST_IDENTITY}"
+                )
         count = len(self.before) if self.before.ndim == 2 else 0
         for name, scene in (("before", self.before), ("after", self.after)):
             _check_scene(name, scene, count)

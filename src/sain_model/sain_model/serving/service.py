@@ -6,7 +6,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any, Final
 
 from sain_core.config import Config, option
-from sain_core.errors import BusyError
+from sain_core.errors import BusyError, ConfigError
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.world import unknown_names
 from sain_model.compute.kernel_store import compile_kernels, describe_progress
@@ -51,6 +51,7 @@ class ServingConfig(Config):
         unknown_names(self.unknown)
 
 
+LONGEST_PATH: Final = 4096  # characters, as Linux has it
 SERVING: Final = "serving"
 
 
@@ -122,6 +123,8 @@ class ModelService:
 
     def prepare(self, name: str) -> "ModelServer":
         """Return a server of the model of this name, loaded and tried; see `ModelServer`."""
+        if len(name) > LONGEST_PATH:
+            raise ConfigError(f"the model has {len(name)} characters; allowed: {LONGEST_PATH}")
         return self.server.with_model(name, self.bodies)
 
     def swap(self) -> bool:
