@@ -62,6 +62,7 @@ SYSTEM: Final = (  # marked `system`, by a part of their names; others have the 
     "evaluation/test_errors.py::test_the_command_lines", "test_a_belief_of_bodies_is_trained_on",
     "test_training_fits_them", "test_training_learns_a_residual", "test_ways_of_random_pushes",
     "lowers_the_error_of_rollouts", "test_each_push_is_learned_once", "reaches_the_guide_s_goal",
+    "an_engine_that_explodes", "a_newer_goal_ends_the_action",
     "[xarm7]", "[panda]", "[so101]", "is_refused[noise]",
     "is_refused[origin]", "[lerobot]", "is_read_back_by", "of_lerobot_are",
     "test_workers_and_a_kill_change_no_byte", "test_the_next_push_is_predicted_better",
