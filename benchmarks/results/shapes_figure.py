@@ -3,17 +3,15 @@
 ./env python -m benchmarks.results.shapes_figure
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import tyro
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Polygon
 
-from sain_core.output import claim_file
+from benchmarks.report import ReportOptions, read_options
 from sain_core.scene import RADIUS, STATE_SIZE
 from sain_core.shapes.library import get_shape, shape_names
 from sain_core.shapes.shape import Shape
@@ -58,21 +56,11 @@ def draw_shape(axes: Axes, shape: Shape) -> None:
     axes.set_axis_off()
 
 
-@dataclass(frozen=True)
-class Command:
-    """What to draw."""
-
-    out: Path = Path("results/shapes.png")
-    """A PNG."""
-    overwrite: bool = False
-    """Replace what others wrote there, such as docs/media/shapes.png."""
-
-
-def main(command: Command) -> None:
+def main() -> None:
     """Draw the picture, and print its path."""
-    claim_file(command.out, command.overwrite)
-    print(write_png(draw_library(), command.out))
+    out = read_options(ReportOptions, __doc__).out or Path("results/shapes.png")
+    print(write_png(draw_library(), out))
 
 
 if __name__ == "__main__":
-    main(tyro.cli(Command, description=__doc__))
+    main()
