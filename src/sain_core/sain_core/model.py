@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from importlib.metadata import EntryPoint
 from math import log
 from pathlib import Path
-from typing import Final, Protocol, Self
+from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,7 @@ Radii = Float[ndarray, "K H N"]
 REGION_STD: Final = (-2.0 * log(0.1)) ** 0.5  # radius over standard deviation of a 90 % circle
 
 
+@runtime_checkable
 class RolloutModel(Protocol):
     """Predicts sequences of pushes from one scene, which is what a planner needs: see `Model`."""
 
