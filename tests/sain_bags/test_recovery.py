@@ -17,6 +17,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from sain_bags import commands
 from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.mcap import integrity
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery import recover
 from sain_bags.writing.writer import BagConfig, BagWriter
@@ -238,6 +239,24 @@ def test_messages_outside_of_chunks_are_saved_up_to_a_cut(tmp_path: Path) -> Non
         lost, messages = recovered(content[:cut], tmp_path, f"cut_{cut}")
         assert messages == whole[: sum(end <= cut for end in ends)]
         assert "the file has no end" in lost[0]
+
+
+def test_more_topics_than_are_read_are_named_with_the_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(integrity, "TOPICS", 100)
+    with (tmp_path / "many.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start("ros2", "test")
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+        for number in range(101):
+            channel = writer.register_channel(f"/chat_{number}", "cdr", schema)
+            writer.add_message(channel, number, bytes(8), number)
+        writer.finish()
+    text = f"{tmp_path}/many.mcap is not recovered: it has more than 100 topics"
+    with pytest.raises(DatasetError, match=f"^{text}$"):
+        recover(tmp_path / "many.mcap", tmp_path / "saved")
+    assert [path.name for path in tmp_path.iterdir()] == ["many.mcap"]
 
 
 def test_data_without_its_last_record_have_no_end(zstd_bag: Original, tmp_path: Path) -> None:

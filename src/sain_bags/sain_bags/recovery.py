@@ -53,7 +53,7 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     """Copy a bag, each of its files up to the first damage; no bag is made of no message.
 
     Raises:
-        DatasetError: there is no MCAP file at the source.
+        DatasetError: there is no MCAP file at the source, or it has more than SAIN reads.
         OutputError: the new folder exists, or the source or the disk cannot be used.
     """
     if os.path.lexists(out):
@@ -70,7 +70,10 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
                 missing = {*about["relative_file_paths"]} - {path.name for path in files}
                 losses += [f"{name} is not there" for name in sorted(missing)]
             notes = {"recovered": f"with losses, from {source.name}"} if losses else {}
-            span = _describe(file, about, notes)
+            try:
+                span = _describe(file, about, notes)
+            except DatasetError as error:  # it names the copy, which is not there any more
+                raise DatasetError(f"{source} is not recovered: {error.__cause__}") from error
             if span.messages:
                 file.parent.rename(out)
     except OSError as error:
