@@ -30,7 +30,7 @@ DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
         ('["\\ud800"]', "half a character"),
         ("{", "Expecting property name"),
         ('[{"b": {"a": 1, "b": 1, "a": 2}}]', "the key 'a' is given twice"),
-        ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice; remove one"),
+        ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice \(lines with it: 1, 2\); remove one"),
     ],
 )
 def test_json_is_refused(text, reason):
@@ -52,6 +52,7 @@ def test_json_is_refused(text, reason):
         ("a" * (YAML_BYTES + 1), "bytes"),
         ("a: 2001-99-99", "a value cannot be read"),
         ("a: 1\nb:\n  c: 1\n  d: 2\n  c: 3", "line 5: the key 'c' is given twice; remove one"),
+        ("- {a: 1, b: 2, 'a': 1}", "line 1: the key 'a' is given twice"),
         ("1: a\n1.0: b", "line 2: the key 1.0 is given twice"),
         ("a:\n\t- 1", "^line 2, column 1: .*; indent with spaces, no tabs$"),
         ("a: b: c", "^line 1, column 5: mapping values are not allowed in this context$"),

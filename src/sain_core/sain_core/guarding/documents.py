@@ -3,6 +3,7 @@
 import json
 import re
 from collections import Counter
+from itertools import islice
 from math import isinf
 from pathlib import Path
 from typing import Any, Final
@@ -45,6 +46,8 @@ def parse_json(text: str) -> Any:
         )
     except RecursionError:
         raise UntrustedFileError(TOO_DEEP) from None
+    except _TwiceError as error:
+        raise UntrustedFileError(error.text(text)) from None
     except UntrustedFileError:
         raise
     except ValueError as error:
@@ -55,11 +58,22 @@ def parse_json(text: str) -> Any:
     return content
 
 
+class _TwiceError(Exception):
+    """A key of a JSON object that is given twice; json does not say where."""
+
+    def text(self, text: str) -> str:
+        """Return the error, with the lines of a document that have such a key."""
+        (key,) = self.args
+        found = re.finditer(re.escape(json.dumps(key, ensure_ascii=False)) + r"\s*:", text)
+        lines = [str(text.count("\n", 0, one.start()) + 1) for one in islice(found, 9)]
+        where = f" (lines with it: {', '.join(dict.fromkeys(lines))})" if lines else ""
+        return f"the key {shown(key)} is given twice{where}; remove one"
+
+
 def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     content = dict(pairs)
     if len(content) != len(pairs):
-        (key, _), *_ = Counter(key for key, _ in pairs).most_common(1)
-        raise UntrustedFileError(f"the key {shown(key)} is given twice; remove one")
+        raise _TwiceError(Counter(key for key, _ in pairs).most_common(1)[0][0])
     return content
 
 
