@@ -28,7 +28,7 @@ from vision_msgs.msg import Detection3DArray
 from benchmarks.faults.running import own_domain
 from benchmarks.faults.table import Row
 from sain_arm.planning.push_events import Ended, Ending
-from sain_arm.ros.trajectory_server import TrajectoryServer
+from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_bringup.children import ProcessDiedError, RestartLimits
 from sain_bringup.graph import (
     MODEL,

@@ -24,7 +24,7 @@ from sain_arm.ros import arm_node
 from sain_arm.ros.arm_node import ArmNode
 from sain_arm.ros.enabling import Enabled, cancel_all
 from sain_arm.ros.trajectory_client import encode
-from sain_arm.ros.trajectory_server import TrajectoryServer
+from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros.qos import LATCHED, RELIABLE

@@ -17,12 +17,3 @@ arm_node: Final = NodeCommand(
     example="robot:=ur5",
 )
 enable: Final = Command("sain_arm enable", "ros.enable", ros=True)
-trajectory_server: Final = NodeCommand(
-    "sain_arm trajectory_server",
-    about="A laboratory in place of a robot: moves the arm of a YAML file in MuJoCo, with bodies on"
-    " a table, and serves FollowJointTrajectory. It delays, tolerates and aborts as asked.",
-    node="ros.trajectory_server:TrajectoryServer",
-    settings="laboratory.laboratory_config:LaboratoryConfig",
-    publishes=("/joint_states", "/robot_description", "poses", "laboratory", "/diagnostics"),
-    example="robot:=ur5",
-)

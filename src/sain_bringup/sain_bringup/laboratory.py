@@ -116,7 +116,7 @@ class LaboratoryOptions(GraphOptions):
         given |= {"place": list(self.place)} if self.place else {}
         given |= {"poses": "false"} if self.images else {}
         given |= DEPTH_IMAGES if self.images == OUTLINES else {}
-        server = command_of_node("sain_arm", "trajectory_server", ros, **given)
+        server = command_of_node("sain_sim", "trajectory_server", ros, **given)
         # A camera that is computed on the same cores is late; a real one keeps to the default.
         late = {"scene_timeout": SEEN_TIMEOUT} if self.images else {}
         arm = command_of_node("sain_arm", "arm_node", ros, robot=self.robot, **late)

@@ -20,7 +20,6 @@ from tf2_msgs.msg import TFMessage
 
 from sain_arm.laboratory.cell import STEP, Cell
 from sain_arm.laboratory.controller import Controller
-from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
@@ -39,6 +38,7 @@ from sain_core.ros.worker import Worker
 from sain_core.scene import DISK_HEIGHT, THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
+from sain_sim.ros.bench_config import LaboratoryConfig
 
 TICK: Final = 0.01  # [s] of wall time between two looks at the clock
 BEHIND: Final = 0.05  # [s] that are caught up at most in one tick
