@@ -28,7 +28,6 @@ from vision_msgs.msg import Detection3DArray
 from benchmarks.faults.running import own_domain
 from benchmarks.faults.table import Row
 from sain_arm.planning.push_events import Ended, Ending
-from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_bringup.children import ProcessDiedError, RestartLimits
 from sain_bringup.graph import (
     MODEL,
@@ -52,6 +51,7 @@ from sain_core.scene import POSITION, THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
 from sain_interfaces.msg import Goal, GoalPose, Plan, PushResult
+from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_vision.detection.sighting import Sighting
 from sain_vision.ros.detections import encode_sightings
 

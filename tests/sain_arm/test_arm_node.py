@@ -24,12 +24,12 @@ from sain_arm.ros import arm_node
 from sain_arm.ros.arm_node import ArmNode
 from sain_arm.ros.enabling import Enabled, cancel_all
 from sain_arm.ros.trajectory_client import encode
-from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_interfaces.msg import Scene
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
+from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_vision.ros.scene_node import SceneNode
 from tests.sain_arm.conftest import reach_of
 
