@@ -28,12 +28,11 @@ from benchmarks.results.arms import (
     summary_of,
 )
 from sain_arm.laboratory.laboratory_config import LaboratoryConfig
-from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.laboratory.world import LaboratoryWorld
 from sain_arm.planning.push_planner import ASIDE
 from sain_arm.robot.robot import SHIPPED, Robot, read_robot
 from sain_bringup.graph import OUTLINES, SEEN_NOISE, TAGS
-from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
+from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
 from sain_core.goal import BodyPose, Goal
@@ -47,6 +46,7 @@ from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.play import Sight
 from sain_mppi.agent.uncertainty import EstimatorConfig
+from sain_sim.camera.renderer import image_camera
 from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.sighting import Sighting
@@ -88,8 +88,8 @@ class ImageSight(Sight):
         config = ImageCameraConfig()
         if see == OUTLINES:
             config = replace(config, width=640, height=480, detail=1.0)
-        view = LaboratoryView(world.cell, config)
-        self._camera = ImageCamera(config, view, bodies.tags)
+        arm = world.cell.robot
+        self._camera = image_camera(config, arm, bodies.bodies, bodies.radii, bodies.tags)
         self._period = 1.0 / config.rate
         size, lens = (config.width, config.height), np.array(config.distortion)
         self._model = CameraModel(*size, config.matrix, lens, *config.stated_pose)

@@ -1,65 +1,43 @@
 """Images of a world: what is where, what hides what, and the errors that the settings ask for."""
 
-from collections.abc import Callable
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 import pytest
-import yaml
 
-from sain_arm.laboratory.cell import Cell
-from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.robot.robot import read_robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, POSE, make_scene
-from sain_core.shapes.body_file import Tag, parse_bodies
-from sain_sim.camera.render import image_camera
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.body_file import Tag
+from sain_sim.camera.renderer import image_camera
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
 from sain_vision.optics import CameraModel
 from tests.sain_vision.pictures import file_of
 
-SHAPES = ("disk", "t")
+BODIES = Bodies.named(("disk", "t"))
+RADII = (0.08, 0.1)
 SCENE = make_scene(
-    np.array([(0.45, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.array([0.08, 0.1]), np.array([0.3, 2])
+    np.array([(0.45, 0.0), (0.6, 0.2)]), np.full(2, 8.0), np.array(RADII), np.array([0.3, 2])
 )
-BODIES = "bodies: [{shape: disk, radius: 0.08, tags: 0}, {shape: t, radius: 0.1, tags: 1}]"
 CLEAN = {"noise": 0.0, "depth_noise": 0.0, "blur": 0.0}
 
 
-def bullet(config: ImageCameraConfig) -> ImageCamera:
-    return image_camera(config, SCENE, SHAPES)
-
-
-@cache
-def cell() -> Cell:
-    return Cell(read_robot("ur5"), parse_bodies(yaml.safe_load(BODIES)))
-
-
-def laboratory(config: ImageCameraConfig) -> ImageCamera:
-    return ImageCamera(config, LaboratoryView(cell(), config), cell().bodies.tags)
-
-
 class World(NamedTuple):
-    """A renderer, with joints of its arm away from the table's middle, and over the first body."""
+    """A robot, with joints away from the table's middle, and over the first body."""
 
-    camera: Callable[[ImageCameraConfig], ImageCamera]
-    away: np.ndarray
-    reaching: np.ndarray
+    robot: str
+    away: tuple[float, ...]
+    reaching: tuple[float, ...]
+
+    def camera(self, config: ImageCameraConfig) -> ImageCamera:
+        return image_camera(config, read_robot(self.robot), BODIES, RADII)
 
 
 WORLDS = {
-    "bullet": World(
-        bullet,
-        np.array([0.0, -0.9, 0.0, -2.6, 0.0, 1.8, 0.78]),
-        np.array([0.0, 0.75, 0.0, -1.2, 0.0, 1.9, 0.78]),
-    ),
-    "laboratory": World(
-        laboratory,
-        np.array([1.6, -1.57, 1.57, -1.57, -1.57, 0.0]),
-        np.array([-0.2, -0.9, 1.3, -1.97, -1.57, 0.0]),
-    ),
+    "panda": World("panda", (0.0, -0.9, 0.0, -2.6, 0.0, 1.8, 0.78), (0, 0.75, 0, -1.5, 0, 2.2, 0)),
+    "ur5": World("ur5", (1.6, -1.57, 1.57, -1.57, -1.57, 0), (-0.2, -0.9, 1.3, -1.97, -1.57, 0)),
 }
 
 
@@ -73,10 +51,9 @@ def shot(world):
     return shoot(world)
 
 
-def shoot(world: World, joints: np.ndarray | None = None, **config: object) -> Shot:
-    with world.camera(ImageCameraConfig(**(CLEAN | config))) as made:
-        where = world.away if joints is None else joints
-        return made.take(where, SCENE, np.random.default_rng(0))
+def shoot(world: World, joints: tuple[float, ...] = (), **config: object) -> Shot:
+    camera = world.camera(ImageCameraConfig(**(CLEAN | config)))
+    return camera.take(np.array(joints or world.away), SCENE, np.random.default_rng(0))
 
 
 def model_of(config: ImageCameraConfig) -> CameraModel:

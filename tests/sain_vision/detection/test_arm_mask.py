@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sain_arm.laboratory.cell import Cell
-from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.robot.robot import read_robot, shipped
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.shapes.body_file import parse_bodies
+from sain_sim.camera.renderer import Renderer
 from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.optics import CameraModel
 
@@ -21,7 +20,7 @@ BODIES = parse_bodies({"bodies": [{"shape": "t:flat", "radius": 0.09}]})
 @pytest.mark.parametrize("name", shipped())
 def test_the_mask_has_every_pixel_of_the_arm_and_few_others(name):
     robot, random = read_robot(name), np.random.default_rng(0)
-    view, mask = LaboratoryView(Cell(robot, BODIES), CONFIG), ArmMask(robot)
+    view, mask = Renderer(robot, BODIES.bodies, BODIES.radii, CONFIG), ArmMask(robot)
     scene = BODIES.scene(np.array([[0.5, -0.2, 0.3]]))
     for _ in range(5):
         joints = robot.home + random.uniform(-0.4, 0.4, len(robot.joints))

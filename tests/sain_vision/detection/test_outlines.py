@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sain_arm.robot.robot import read_robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig
 from sain_core.scene import DISK_HEIGHT, POSE, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_sim.camera.render import image_camera
+from sain_sim.camera.renderer import image_camera
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.optics import CameraModel
 from tests.sain_vision.pictures import file_of
@@ -25,10 +26,13 @@ CONFIG = replace(
 CAMERA = CameraModel(640, 480, CONFIG.matrix, np.zeros(5), *CONFIG.stated_pose)
 
 
+def camera_of(config: ImageCameraConfig) -> ImageCamera:
+    return image_camera(config, read_robot("panda"), FILE.bodies, FILE.radii)
+
+
 @pytest.fixture(scope="module")
 def camera():
-    with image_camera(CONFIG, START, SHAPES) as made:
-        yield made
+    return camera_of(CONFIG)
 
 
 def look(camera: ImageCamera, scene: np.ndarray, seed: int = 0) -> np.ndarray:

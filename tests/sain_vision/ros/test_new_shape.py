@@ -20,13 +20,12 @@ from sain_core.scene import RADIUS
 from sain_core.shapes.body_file import parse_bodies
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import trace
-from sain_sim.camera.render import image_camera
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.tracing import trace_top
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
 from sain_vision.optics import check_calibration, turn_of
 from sain_vision.ros.new_shape import NewShapeOptions, describe, run
-from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, SHAPES, START
+from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, START, camera_of
 
 T = 1  # the body that is looked at
 TWELVE = """image_width: 640
@@ -53,8 +52,7 @@ def picture_of(millimetres: int) -> bytes:
 @pytest.fixture(scope="module")
 def depth():
     config, random = replace(CONFIG, depth_noise=0.0003), generator(0, "look")
-    with image_camera(config, START, SHAPES) as camera:
-        return camera.take(AWAY, START, random).depth
+    return camera_of(config).take(AWAY, START, random).depth
 
 
 @pytest.fixture

@@ -13,10 +13,9 @@ from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.qos import LATCHED
 from sain_core.scene import POSE
-from sain_sim.camera.render import image_camera
 from sain_vision.ros.images import decode_depth
 from sain_vision.ros.outline_node import OutlineNode
-from tests.sain_vision.detection.test_outlines import AWAY, CONFIG, SHAPES, START
+from tests.sain_vision.detection.test_outlines import AWAY, CONFIG, START, camera_of
 
 BODIES = """
 bodies:
@@ -28,8 +27,7 @@ bodies:
 def test_depth_images_become_poses(graph, tmp_path):
     path = tmp_path / "bodies.yaml"
     path.write_text(BODIES)
-    with image_camera(CONFIG, START, SHAPES) as camera:
-        shot = camera.take(AWAY, START, generator(0, "test"))
+    shot = camera_of(CONFIG).take(AWAY, START, generator(0, "test"))
     graph.start(OutlineNode, bodies=str(path), max_age=5.0, robot="ur5")
     graph.listen("/diagnostics", DiagnosticArray)
     graph.listen("detections", Detection3DArray)

@@ -1,7 +1,7 @@
 """AprilTags as AprilTag's own pictures show them, painted into a picture as exact as a print.
 
-Bullet's renderer takes one texel for each pixel, so a textured tag of 35 pixels has corners that
-are off by half a pixel. Here a tag is drawn four times as large and averaged.
+With one texel for each pixel the corners of a tag of 35 pixels are off by half a pixel. Here a tag
+is drawn four times as large and averaged.
 """
 
 from functools import lru_cache

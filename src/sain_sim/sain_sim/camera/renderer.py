@@ -130,6 +130,9 @@ class Renderer:
         drawn = _shaded(layer.colour, np.where(_edges(layer.body), INK * light, light))
         return np.asarray(cv2.resize(drawn, (wide, high), interpolation=cv2.INTER_AREA))
 
+    def close(self) -> None:
+        """Nothing is held."""
+
     def _draw(
         self, width: int, height: int, groups: Sequence[int], goal: Points | None = None
     ) -> _Layer:

@@ -20,7 +20,6 @@ from tf2_msgs.msg import TFMessage
 
 from sain_arm.laboratory.cell import STEP, Cell
 from sain_arm.laboratory.controller import Controller
-from sain_arm.laboratory.sight import LaboratoryView
 from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import FASTEST, Robot, read_robot
@@ -38,6 +37,7 @@ from sain_core.ros.worker import Worker
 from sain_core.scene import DISK_HEIGHT, THETA
 from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
+from sain_sim.camera.renderer import image_camera
 from sain_sim.ros.bench_config import LaboratoryConfig
 
 TICK: Final = 0.01  # [s] of wall time between two looks at the clock
@@ -70,8 +70,8 @@ class LaboratoryCamera:
     @cached_property
     def _camera(self) -> ImageCamera:
         """The camera, made on its thread with the first image: most laboratories take none."""
-        view = LaboratoryView(self._cell, self._config)
-        return ImageCamera(self._config, view, self._cell.bodies.tags)
+        cell, file = self._cell, self._cell.bodies
+        return image_camera(self._config, cell.robot, file.bodies, file.radii, file.tags)
 
     def _look(self) -> None:
         if self._is_busy or not self._topics.wanted:
