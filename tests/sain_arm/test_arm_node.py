@@ -20,7 +20,7 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 from sain_arm.planning.timing import Trajectory
-from sain_arm.ros import arm_node
+from sain_arm.ros import pushing_node
 from sain_arm.ros.arm_node import ArmNode
 from sain_arm.ros.enabling import Enabled, cancel_all
 from sain_arm.ros.trajectory_client import encode
@@ -114,7 +114,7 @@ class Laboratory:
 @pytest.fixture
 def make(graph, monkeypatch):
     reach = reach_of("ur5")  # takes seconds: before the clocks of nodes run
-    monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: reach)
+    monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: reach)
 
     def make(arm: dict[str, Any] | None = None, **server: Any) -> Laboratory:
         lab = Laboratory(graph, arm or {}, server)
@@ -167,7 +167,7 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph, make):
 
 def test_a_push_waits_for_the_table_of_reach(graph, monkeypatch):
     reach, found = reach_of("ur5"), Event()
-    monkeypatch.setattr(arm_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
+    monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
     lab = Laboratory(graph, {}, {})
     lab.enabled = True
     push_id = lab.push()

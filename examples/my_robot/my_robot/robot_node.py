@@ -8,13 +8,15 @@ from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
 from rclpy.node import Node
 
 from my_robot.pretend_table import RATE, PretendTable, RobotConfig
-from sain_core.feasibility import Feasibility
+from sain_core import wire
+from sain_core.feasibility import Feasibility, Stroke
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, node_main, steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.push_driver import PushDriver, PushOrder
+from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import THETA
+from sain_interfaces.msg import Push
 
 ARM = Feasibility()  # where this arm reaches, and its tool
 
@@ -38,9 +40,9 @@ class RobotNode(Node):
         """The time [s]."""
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
-    def _begin(self, order: PushOrder) -> None:
+    def _begin(self, push: Push, stroke: Stroke) -> None:
         """Push: here a real robot moves, and calls `finish` when its stroke is over."""
-        self.driver.finish(self.table.push(order.push, self.now))
+        self.driver.finish(self.table.push(wire.decode_push(push), self.now))
 
     def _on_frame(self) -> None:
         """Do what the camera does: publish where the bodies are."""

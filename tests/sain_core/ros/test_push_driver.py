@@ -57,7 +57,7 @@ class Robot:
         ids = {"stamp": self.stamp, "episode_id": self.episode}
         self.heard["shapes"](codec.encode_bodies(BODIES, radii, **ids))
 
-    def begin(self, order: Any) -> None:
+    def begin(self, push: Any, stroke: Any) -> None:
         assert len(self.begun) == len(self.finished), "one push at a time"
         if not self.willing:
             raise BusyError("the arm still moves")

@@ -139,8 +139,9 @@ class TimePassed:
 
 @dataclass(frozen=True, eq=False)
 class PlanPush:
-    """Plan the push from where the arm has joints (J,)."""
+    """Plan a stroke from where the arm has joints (J,)."""
 
+    stroke: Stroke
     joints: Vector
 
 

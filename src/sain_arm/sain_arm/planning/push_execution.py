@@ -126,9 +126,9 @@ class PushExecution:
         if missing:
             late = arm.time > self._since + (WAIT if self._has_reach else FINDING)
             return self._refuse(BusyError(missing)) if late else []
-        assert arm.joints is not None
+        assert arm.joints is not None and self._stroke is not None
         self.phase = Phase.PLANS
-        return [events.PlanPush(arm.joints)]
+        return [events.PlanPush(self._stroke, arm.joints)]
 
     def _missing(self, arm: ArmState) -> str:
         """Return what a push waits for; empty: it can be planned."""

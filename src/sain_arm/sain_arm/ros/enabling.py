@@ -8,12 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from math import inf
+from time import monotonic
 from typing import Any, Final
 
 from action_msgs.srv import CancelGoal
 from rclpy.node import Node
 from std_msgs.msg import Bool
 
+from sain_core.guarding.ros.ownership import publishers
 from sain_core.ros.node_main import command_node, spin_until, steady_timer
 from sain_core.ros.qos import RELIABLE
 
@@ -80,6 +82,38 @@ class EnableGate:
         """Tell whether one of several publishers says true, and another one false."""
         recent = now - LONGEST_HOLD
         return self._several and self._false > recent and self._any_true > recent
+
+
+class EnableListener(EnableGate):
+    """The gate of a node, with those who publish its signal."""
+
+    def __init__(self, node: Node, timeout: float) -> None:
+        """Believe a signal for so long [s]."""
+        super().__init__(timeout)
+        self._node, self._topic = node, node.resolve_topic_name("enable")
+        self._disputers = list[str]()  # nodes that disagree
+
+    def listen(self, message: Bool) -> None:
+        """Take a signal; publishers that disagree are named in the log."""
+        now, count = monotonic(), self._node.count_publishers(self._topic)
+        self.update(Signal(message.data, now, count))
+        if not message.data and self.is_disputed(now) and len(self._disputers) != count:
+            self._disputers = publishers(self._node, self._topic)
+            self._node.get_logger().warning(self.disabled)
+
+    @property
+    def disabled(self) -> str:
+        """Why the arm may not move; empty: it may."""
+        now = monotonic()
+        state = self.state(now)
+        if state is Enabled.YES:
+            return ""
+        if self._disputers and self.is_disputed(now):
+            return (
+                f"the arm is not enabled: {' and '.join(self._disputers)} disagree on"
+                f" {self._topic}; all must publish true"
+            )
+        return f"the arm is not enabled: {state.value} on {self._topic}"
 
 
 def publish_heartbeat(seconds: float, controller: str, say: Callable[[str], None]) -> None:

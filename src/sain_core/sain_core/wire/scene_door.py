@@ -77,6 +77,11 @@ class SceneDoor:
         if self.seen is not None and (text := self._miscounted(self.seen)):
             self.seen, self._settled, self.trouble = None, None, text
 
+    def hold(self, seen: SeenScene, bodies: Bodies) -> None:
+        """Hold a scene of who sees the bodies by itself."""
+        self.seen, self.trouble, self._settled = seen, "", seen
+        self.bodies, self.episode_id = bodies, seen.episode_id
+
     def take(self, message: Any, now: float, clock: float) -> SeenScene:
         """Hold a scene that came at two times, of a steady clock and of that of headers.
 

@@ -1,0 +1,160 @@
+"""What every robot that pushes has in common as a node: it runs one `PushExecution`.
+
+Events go into the state machine one after another, and its actions are done: plans on a thread of
+their own, answers by `PushDriver`. A robot adds where its joints are, how it plans, and who follows
+its trajectories.
+"""
+
+from abc import ABC, abstractmethod
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future
+from dataclasses import replace
+from typing import Any, Final, TypeVar
+
+from nav_msgs.msg import OccupancyGrid
+from rclpy.node import Node
+
+from sain_arm.planning import push_events as events
+from sain_arm.planning.push_events import Action, ArmState, Event, Phase
+from sain_arm.planning.push_execution import PushExecution
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.reach import table_of_reach
+from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Vector
+from sain_core.errors import CancelledError
+from sain_core.feasibility import ReachTable, Stroke
+from sain_core.ros import codec
+from sain_core.ros.node_main import NAMESPACE, steady_timer
+from sain_core.ros.push_driver import PushDriver
+from sain_core.ros.qos import LATCHED
+from sain_core.ros.worker import Worker
+from sain_interfaces.msg import Push
+
+LOOK: Final = 0.02  # [s] between looks at the arm
+REACH: Final = OccupancyGrid, "reach_table", LATCHED
+
+Planned = TypeVar("Planned")
+
+
+class PushingNode(Node, ABC):
+    """Carries out one push at a time.
+
+    Attributes:
+        execution: the state machine.
+        driver: takes pushes and answers them.
+        worker: the thread for what must not block the executor.
+    """
+
+    execution: PushExecution
+    driver: PushDriver
+
+    def __init__(self, name: str, thread: str, **options: Any) -> None:
+        """Make the node, and a worker with this name; the robot makes machine and driver."""
+        super().__init__(name, namespace=NAMESPACE, **options)
+        self.worker = Worker(self, thread)
+        self._events, self._is_updating = deque[Event](), False
+        steady_timer(self, LOOK, lambda: self.update(events.TimePassed()))
+
+    @property
+    def phase(self) -> Phase:
+        """What the arm does."""
+        return self.execution.phase
+
+    # --- what a robot adds ----------------------------------------------------------------------
+
+    @abstractmethod
+    def arm_state(self) -> ArmState:
+        """Return the state of the arm now, by all that has come."""
+
+    @abstractmethod
+    def plan_push(self, stroke: Stroke, joints: Vector) -> PushPlan:
+        """Plan a stroke from where the arm has joints (J,), on the worker's thread."""
+
+    @abstractmethod
+    def plan_way(self, wanted: events.PlanRetreat | events.PlanHome) -> Trajectory:
+        """Plan the way up or home, on the worker's thread."""
+
+    @abstractmethod
+    def show(self, plan: PushPlan) -> None:
+        """Show a plan; nothing moves by it."""
+
+    @abstractmethod
+    def send(self, goal: events.Send) -> None:
+        """Have a goal followed; `GoalEnded` or `SendRefused` comes once."""
+
+    @abstractmethod
+    def cancel(self, why: str) -> None:
+        """Have the arm stop."""
+
+    @abstractmethod
+    def answer_executed(self, doubt: CancelledError | None) -> None:
+        """Answer that the push was executed; with a doubt, if a body is seen to have moved."""
+
+    def begin(self, push: Push, stroke: Stroke) -> None:
+        """Take a push with its stroke; what it raises refuses the push."""
+        self.update(events.PushOrdered(stroke))
+
+    # --- events and actions ---------------------------------------------------------------------
+
+    def update(self, event: Event) -> None:
+        """Take an event, and do what follows; one that comes meanwhile is taken after it."""
+        self._events.append(event)
+        if self._is_updating:
+            return
+        self._is_updating = True
+        try:
+            while self._events:
+                next_event = self._events.popleft()
+                for action in self.execution.update(next_event, self.arm_state()):
+                    self._do(action)
+        finally:
+            self._is_updating = False
+
+    def _do(self, action: Action) -> None:
+        match action:
+            case events.PlanPush(stroke, joints):
+                self._submit(lambda: self.plan_push(stroke, joints), events.PushPlanned)
+            case events.PlanRetreat() | events.PlanHome():
+                self._submit(lambda: self.plan_way(action), events.WayPlanned)
+            case events.ShowPlan(plan):
+                self.show(plan)
+            case events.Send():
+                self.send(action)
+            case events.Cancel(why):
+                self.cancel(why)
+            case events.Executed(doubt):
+                self.answer_executed(doubt)
+            case events.Refused(error):
+                self.driver.refuse(error)
+            case events.Say(text, is_error):
+                log = self.get_logger()
+                log.error(text) if is_error else log.warning(text)
+
+    def _submit(
+        self, work: Callable[[], Planned], event: Callable[[Planned | BaseException], Event]
+    ) -> None:
+        """Plan on the worker's thread; the event brings the plan, or why there is none."""
+
+        def take(done: "Future[Planned]") -> None:
+            error = done.exception()
+            if error is not None:
+                self.driver.reception.log_defect(error)
+            self.update(event(done.result() if error is None else error))
+
+        self.worker.submit(work, take)
+
+    # --- reach ----------------------------------------------------------------------------------
+
+    def find_reach(self, planner: PushPlanner) -> None:
+        """Publish where the arm reaches, and take pushes, once that is computed."""
+        name, publisher = planner.robot.name, self.create_publisher(*REACH)
+
+        def take(done: "Future[ReachTable]") -> None:
+            reach = done.result()  # what is wrong with the robot's file ends the node
+            self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
+            publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
+            self.update(events.ReachFound())
+            self.get_logger().info(f"{name} reaches {reach.describe()}")
+
+        self.worker.submit(lambda: table_of_reach(planner), take)
