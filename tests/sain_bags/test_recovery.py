@@ -276,14 +276,16 @@ def test_a_compression_that_is_none_of_mcap_is_named(zstd_bag: Original, tmp_pat
         Bag(tmp_path / "out.mcap").check()
 
 
-def test_a_split_bag_becomes_one(tmp_path: Path) -> None:
+def test_the_files_of_a_split_bag_stay_in_their_order(tmp_path: Path) -> None:
     folder = tmp_path / "split"
     folder.mkdir()
     for number in (0, 1, 10):
         part = original(tmp_path / f"part_{number}", "zstd")
         (folder / f"split_{number}.mcap").write_bytes(part.content)
-    report = recover(folder, tmp_path / "out")
-    assert not report.losses
+    assert not recover(folder, tmp_path / "out").losses
+    assert [path.name for path in Bag(tmp_path / "out").files] == [
+        f"out_{number}.mcap" for number in range(3)
+    ]
     found = {topic.name: topic.messages for topic in Bag(tmp_path / "out").topics}
     assert found == {"/chat": 150, "/silent": 0, "/late": 30}
 

@@ -1,19 +1,20 @@
-"""Copies what can be read of a damaged bag to a new one, and joins a recording's parts so.
+"""Copies what can be read of a damaged bag to a new one, and makes a resumed recording whole so.
 
 A file is read up to its first damage: no message comes through that its chunk's CRC denies.
 """
 
 import os
 import struct
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO, Any, Final
 
 from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
 from mcap.records import Metadata
 from mcap.stream_reader import StreamReader
 
@@ -21,17 +22,19 @@ from sain_bags.bag.metadata import (
     METADATA_RECORD,
     START_RECORD,
     Span,
+    Topic,
     bag_metadata,
     find_parts,
     read_metadata,
     read_record,
     span_of,
     topic_of,
+    whole_span,
     write_metadata,
 )
-from sain_bags.bag.parts import check_parts, move_files, remove_parts
+from sain_bags.bag.parts import WHOLE, check_parts, mcap_files
 from sain_bags.mcap.copying import McapCopy
-from sain_bags.mcap.integrity import DAMAGE, read_data
+from sain_bags.mcap.integrity import DAMAGE, opened, read_data
 from sain_bags.mcap.mcap_file import McapFile
 from sain_core.errors import DatasetError, OutputError, UntrustedFileError
 from sain_core.guarding.untrusted import open_regular
@@ -39,6 +42,7 @@ from sain_core.guarding.untrusted import open_regular
 CUT_OFF: Final = (EndOfFile, struct.error)  # before the record that ends the data
 
 Advance = Callable[[int], object]  # called with the number of bytes that were read
+About = dict[str, Any]  # the metadata of a bag, as far as they are read
 
 
 @dataclass(frozen=True)
@@ -58,92 +62,97 @@ def recover(source: Path, out: Path, advance: Advance = lambda done: None) -> Re
     """
     if os.path.lexists(out):
         raise OutputError(f"{out} exists; a bag is never overwritten, choose another")
-    files = find_parts(source)
+    files, about, losses = find_parts(source), About(), list[str]()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(".partial", f".{out.name}.", out.parent) as place:
-            file = Path(place) / out.name / f"{out.name}_0.mcap"
-            file.parent.mkdir()
-            about, losses = _copy(files, file, advance)
+            folder = Path(place) / out.name
+            folder.mkdir()
+            for number, file in enumerate(files):
+                losses += _copy(file, folder / f"{out.name}_{number}.mcap", about, advance)
             with suppress(DatasetError):  # then the files' own metadata are all there is
                 about = read_metadata(source)
                 missing = {*about["relative_file_paths"]} - {path.name for path in files}
                 losses += [f"{name} is not there" for name in sorted(missing)]
             notes = {"recovered": f"with losses, from {source.name}"} if losses else {}
             try:
-                span = _describe(file, about, notes)
+                span = _describe(folder, about, notes)
             except DatasetError as error:  # it names the copy, which is not there any more
                 raise DatasetError(f"{source} is not recovered: {error.__cause__}") from error
             if span.messages:
-                file.parent.rename(out)
+                folder.rename(out)
     except OSError as error:
         reason = error.strerror or error
         raise OutputError(f"cannot recover {source} to {out}: {reason}") from error
     return Recovered(span, losses)
 
 
-def join(aside: Path, folder: Path, advance: Advance = lambda done: None) -> None:
-    """Put what was set aside before a recording that went on with it and wrote no metadata.
+def make_whole(folder: Path, advance: Advance = lambda done: None) -> None:
+    """Make one bag of the files of a recording that was resumed, each up to where it was cut off.
 
     Raises:
         OutputError, DatasetError: it fails; all that was recorded is still there.
     """
+    about = About()
     try:
-        check_parts(folder, folder.name)
-        move_files(folder, aside)
-        if not recover(aside, folder, advance).span.messages:
-            raise OutputError(f"there is no message in the parts in {aside}; they are left")
-        remove_parts(aside, folder.name)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"cannot join {aside} and {folder}: {error.strerror or error}") from error
-
-
-def _describe(file: Path, about: Mapping[str, Any], notes: Mapping[str, str]) -> Span:
-    """Write the ``metadata.yaml`` of a bag of one file; return the span of its messages."""
-    made = McapFile(file)
-    counts = made.statistics.channel_message_counts
-    topics = [
-        (topic_of(channel, made.schemas.get(channel.schema_id)), counts.get(number, 0))
-        for number, channel in made.channels.items()
-    ]
-    span, custom_data = span_of(made.statistics), {**(about.get("custom_data") or {}), **notes}
-    distro = about.get("ros_distro") or "jazzy"
-    write_metadata(file.parent, bag_metadata({file.name: span}, topics, custom_data, distro))
-    return span
-
-
-def _copy(
-    files: tuple[Path, ...], target: Path, advance: Advance
-) -> tuple[Mapping[str, Any], list[str]]:
-    """Copy what can be read of files; return the metadata of the bag, and what was lost."""
-    about: dict[str, Any] = {}
-    losses = []
-    with target.open("wb") as stream:
-        copy = McapCopy(stream)
-        for path in files:
+        check_parts(folder)
+        for file in mcap_files(folder):
             try:
-                source = open_regular(path)
-            except UntrustedFileError as error:
-                raise DatasetError(f"{path} is not read: {error}") from error
-            with source:
-                if damage := _copy_file(source, copy, about, advance):
-                    losses.append(f"{path.name}: {damage}")
-        copy.writer.finish()
-        stream.flush()
-        os.fsync(stream.fileno())
-    return about, losses
+                McapFile(file)
+            except DatasetError:  # it has no end
+                part = folder / f".{file.name}{WHOLE}"
+                _copy(file, part, about, advance)
+                part.replace(file)
+            else:
+                with opened(file) as stream:
+                    for record in make_reader(stream).iter_metadata():
+                        about.update(read_record(record))
+        _describe(folder, about, {})
+    except OSError as error:
+        raise OutputError(f"cannot make {folder} whole: {error.strerror or error}") from error
 
 
-def _copy_file(source: IO[bytes], copy: McapCopy, about: dict[str, Any], advance: Advance) -> str:
+def _describe(folder: Path, about: Mapping[str, Any], notes: Mapping[str, str]) -> Span:
+    """Write the ``metadata.yaml`` of whole files; return the span of their messages."""
+    spans, counts, topics = dict[str, Span](), Counter[tuple[str, str]](), dict[Any, Topic]()
+    for path in mcap_files(folder):
+        file = McapFile(path)
+        spans[path.name] = span_of(file.statistics)
+        for number, channel in file.channels.items():
+            topic = topic_of(channel, file.schemas.get(channel.schema_id))
+            key = topic.name, topic.type
+            before = topics.get(key, topic).offered_qos
+            profiles = tuple(dict.fromkeys((*before, *topic.offered_qos)))
+            topics[key] = replace(topic, offered_qos=profiles)
+            counts[key] += file.statistics.channel_message_counts.get(number, 0)
+    custom_data = {**(about.get("custom_data") or {}), **notes}
+    counted = [(topic, counts[key]) for key, topic in topics.items()]
+    distro = about.get("ros_distro") or "jazzy"
+    write_metadata(folder, bag_metadata(spans, counted, custom_data, distro))
+    return whole_span(spans.values())
+
+
+def _copy(path: Path, target: Path, about: About, advance: Advance) -> list[str]:
     """Copy a file up to its first damage, add what it says of the bag to `about`.
 
     Returns:
-        where and what the damage is; empty: none.
+        where and what the damage is, if any.
     """
+    try:
+        source = open_regular(path)
+    except UntrustedFileError as error:
+        raise DatasetError(f"{path} is not read: {error}") from error
+    with source, target.open("wb") as stream:
+        copy = McapCopy(stream)
+        damage = _copy_records(source, copy, about, advance)
+        copy.writer.finish()
+        stream.flush()
+        os.fsync(stream.fileno())
+    return [f"{path.name}: {damage}"] if damage else []
+
+
+def _copy_records(source: IO[bytes], copy: McapCopy, about: About, advance: Advance) -> str:
     place = last = 0
-    copy.begin_file()
     try:
         for record in read_data(source):
             if isinstance(record, Metadata) and record.name in (METADATA_RECORD, START_RECORD):

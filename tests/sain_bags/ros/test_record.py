@@ -1,8 +1,8 @@
 """The recorder as a process: stopped, killed, and out of space, while messages keep coming."""
 
 import os
-import re
 import resource
+import shutil
 import signal
 import subprocess
 import threading
@@ -17,10 +17,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rich.console import Console
 from std_msgs.msg import String
 
-from sain_bags.bag.parts import set_aside
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery import recover
-from sain_bags.ros.record import join_parts
+from sain_bags.ros.record import end_parts
 from sain_bags.writing.gaps import read_gaps
 from sain_bringup.graph import executable
 from sain_core.errors import OutputError
@@ -155,49 +154,32 @@ def test_a_write_that_fails_is_an_error_at_once_and_nothing_of_before_is_lost(
     wait(lambda: speaker.said > before + 50)  # who speaks goes on
 
 
-def test_a_recorder_that_goes_on_joins_all_parts_at_a_signal(
-    speaker: Speaker, tmp_path: Path
-) -> None:
-    out, cut_off = tmp_path / "bag", tmp_path / "bag.cut_off"
-    for parts in range(3):
-        process = start(speaker, out, "--resume")
-        wait(lambda parts=parts: len(list(cut_off.glob("*.mcap"))) == parts)
-        wait(lambda: has_messages(out / "bag_0.mcap"))
-        if parts < 2:
-            process.kill()
-            process.communicate()
-    process.send_signal(signal.SIGINT)
-    said, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (0, "")
-    assert re.search(r"joining the parts of the recording, .* MB; Ctrl-C leaves the parts\n", said)
-    found = numbers(Bag(out))
-    assert found == sorted(set(found)) and len(found) > 30
-    assert [path.name for path in tmp_path.iterdir()] == ["bag"]
-
-
-def test_a_second_signal_leaves_parts_that_the_printed_command_makes_whole(
+def test_a_recorder_that_resumes_makes_one_bag_unless_a_second_signal_comes(
     speaker: Speaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "bag"
-    process = start(speaker, out)
-    wait(lambda: has_messages(out / "bag_0.mcap"))
-    process.kill()
-    process.communicate()
-    cut_off = set_aside(out)
-    assert cut_off is not None
-    process = start(speaker, out)
-    wait(lambda: has_messages(out / "bag_0.mcap"))
-    process.kill()
-    process.communicate()
+    for part in range(3):
+        process = start(speaker, out, "--resume")
+        wait(lambda part=part: has_messages(out / f"bag_{part}.mcap"))
+        if part < 2:
+            process.kill()
+            process.communicate()
+    shutil.copytree(out, tmp_path / "killed" / "bag")
+    process.send_signal(signal.SIGINT)
+    said, errors = process.communicate(timeout=60)
+    assert (process.returncode, errors) == (0, "")
+    assert "ending the files that were cut off; Ctrl-C leaves them\n" in said
+    found = numbers(Bag(out))
+    assert found == sorted(set(found)) and len(found) > 30
+    out = tmp_path / "killed" / "bag"
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     monkeypatch.setattr(lifetime, "alive", lambda: os.kill(os.getpid(), signal.SIGTERM))
     try:
-        with pytest.raises(OutputError, match="a signal ended the recorder before it was joined"):
-            join_parts(cut_off, out, Console())
+        with pytest.raises(OutputError, match="a signal ended the recorder before its bag was w"):
+            end_parts(out, Console())
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
-    assert [path.name for path in tmp_path.iterdir()] == ["bag.cut_off"]
     recover(out, tmp_path / "saved")
-    found = numbers(Bag(tmp_path / "saved"))
-    assert found == sorted(set(found)) and len(found) > 20
+    saved = numbers(Bag(tmp_path / "saved"))
+    assert saved == found[: len(saved)] and len(saved) > 20

@@ -14,7 +14,7 @@ from mcap.records import Channel, Metadata, Schema, Statistics
 from rosbags.interfaces import Qos
 from rosbags.rosbag2.metadata import parse_qos
 
-from sain_bags.bag.parts import earlier, mcap_files
+from sain_bags.bag.parts import mcap_files
 from sain_bags.mcap import integrity
 from sain_bags.mcap.integrity import opened, rescue
 from sain_core.errors import DatasetError, UntrustedFileError
@@ -277,7 +277,7 @@ def find_files(path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
 
 
 def find_parts(source: Path) -> tuple[Path, ...]:
-    """Return the MCAP files of a bag; of one that was not closed, also those it goes on with.
+    """Return the MCAP files of a bag, also of one that was not closed.
 
     Raises:
         DatasetError: there is no such file.
@@ -287,10 +287,7 @@ def find_parts(source: Path) -> tuple[Path, ...]:
             raise DatasetError(f"{path} is a sqlite3 file; `sqlite3 FILE .recover` saves those")
     if source.is_file():
         return (source,)
-    files = mcap_files(source)
-    if not (source / METADATA_FILE).is_file():
-        files = (*mcap_files(earlier(source)), *files)
-    if not files:
+    if not (files := mcap_files(source)):
         what = f"; it {found}" if (found := describe(source)) else ""
         raise DatasetError(f"there is no MCAP file at {source}{what}")
     return files
@@ -319,8 +316,6 @@ def reindex(bag: Path) -> str:
 
 def _why_no_bag(path: Path) -> str:
     """Return why a path without ``metadata.yaml`` is no bag, and what to do."""
-    if mcap_files(earlier(path)):
-        return f"{path} and {earlier(path)} were not joined; {rescue(path)}"
     if not path.is_dir():
         return f"no bag at {path.absolute()}"
     closed = f"{path} was not closed, or is still being recorded: it has no {METADATA_FILE}; "
@@ -347,7 +342,7 @@ def _refuse_others(folder: Path, files: Sequence[Path]) -> None:
 
 def describe_recording(folder: Path) -> str:
     """Return in a sentence what became of a recording, and what to do about it."""
-    if not folder.exists() and not earlier(folder).exists():
+    if not folder.exists():
         return "Nothing was recorded."
     try:
         find_files(folder)

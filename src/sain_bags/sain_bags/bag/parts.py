@@ -1,7 +1,6 @@
-"""The files of a recording that was not closed, or that goes on with others: its parts.
+"""The files of a recording that was not closed.
 
-Parts of earlier recordings stand beside the bag's folder, in ``BAG.cut_off``. Files are moved or
-removed only where a folder holds nothing but what the recorder of this bag wrote.
+They are changed only where a folder holds nothing but what the recorder of this bag wrote.
 """
 
 import re
@@ -12,16 +11,11 @@ from typing import Final
 from sain_bags.mcap.mcap_writer import BEGINNING
 from sain_core.errors import OutputError
 
-CUT_OFF: Final = ".cut_off"
+WHOLE: Final = ".whole"  # ends the name of a file's copy that is to replace it
 BESIDE: Final = re.compile(  # what else a recorder has in its folder; it is gone from a whole bag
-    r"\.nodes\.json|\.\.nodes\.json\.\d+\.partial|\.metadata\.yaml\.part|\..*_\d+\.mcap\.reserve"
+    r"\.nodes\.json|\.\.nodes\.json\.\d+\.partial|\.metadata\.yaml\.part"
+    rf"|\..*_\d+\.mcap(\.reserve|{re.escape(WHOLE)})"
 )
-
-
-def earlier(folder: Path) -> Path:
-    """Return where the parts are of earlier recordings that this one goes on with."""
-    folder = folder.absolute() if folder.name in ("", "..") else folder
-    return folder.with_name(f"{folder.name}{CUT_OFF}")
 
 
 def mcap_files(folder: Path) -> tuple[Path, ...]:
@@ -30,8 +24,8 @@ def mcap_files(folder: Path) -> tuple[Path, ...]:
     return tuple(sorted(found, key=lambda path: (len(path.name), path.name)))
 
 
-def check_parts(folder: Path, bag: str) -> None:
-    """Check that all in a folder, if it is there, was written by the recorder of a bag.
+def check_parts(folder: Path) -> None:
+    """Check that all in a folder, if it is there, was written by the recorder of this bag.
 
     Raises:
         OutputError: it is no folder, or holds something else.
@@ -40,45 +34,13 @@ def check_parts(folder: Path, bag: str) -> None:
         return
     why = "it is no folder"
     if folder.is_dir() and not folder.is_symlink():
-        others = [path.name for path in sorted(folder.iterdir()) if not _is_part(path, bag)]
+        others = [one.name for one in sorted(folder.iterdir()) if not _is_part(one, folder.name)]
         why = f"it holds {others[0]!r}" if others else ""
     if why:
         raise OutputError(
             f"{folder} is no recording that was cut off: {why}, and only the files of"
-            f" a recorder, such as {bag}_0.mcap, may be there; choose another --out"
+            f" a recorder, such as {folder.name}_0.mcap, may be there; choose another --out"
         )
-
-
-def remove_parts(folder: Path, bag: str) -> None:
-    """Remove a folder of parts."""
-    check_parts(folder, bag)
-    for path in folder.iterdir():
-        path.unlink()
-    folder.rmdir()
-
-
-def set_aside(folder: Path) -> Path | None:
-    """Make room for a bag where a recording was cut off; return where that is now, if any."""
-    aside = earlier(folder)
-    try:
-        check_parts(aside, folder.name)
-        check_parts(folder, folder.name)
-        if folder.exists():
-            move_files(folder, aside)
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"cannot go on with {folder}: {error.strerror or error}") from error
-    return aside if aside.exists() else None
-
-
-def move_files(folder: Path, aside: Path) -> None:
-    """Move the files of a recording behind those that are aside already, and remove its folder."""
-    aside.mkdir(exist_ok=True)
-    numbers = [int(path.stem.rpartition("_")[2]) for path in mcap_files(aside)]
-    for number, path in enumerate(mcap_files(folder), start=max(numbers, default=-1) + 1):
-        path.rename(aside / f"{folder.name}_{number}.mcap")
-    remove_parts(folder, folder.name)
 
 
 def _is_part(path: Path, bag: str) -> bool:

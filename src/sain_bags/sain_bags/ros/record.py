@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import tyro
 from rich.console import Console
 
-from sain_bags.bag.parts import mcap_files, set_aside
+from sain_bags.bag.parts import check_parts
 from sain_bags.mcap.integrity import rescue
-from sain_bags.recovery import join
+from sain_bags.recovery import make_whole
 from sain_bags.ros.stop_signal import StopSignal
 from sain_bags.writing.gaps import MISSING_KEY, SILENT_KEY, UNRECORDED_KEY, describe_gaps
 from sain_bags.writing.recording_status import RecordingStatus, StatusDisplay
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
-BEAT_PERIOD: Final = 0.1  # [s] between signs of life while parts are joined
+BEAT_PERIOD: Final = 0.1  # [s] between signs of life while files are ended
 QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 SILENCE: Final = 5.0  # [s] after which nothing seems to be published
 REST: Final = 0.5  # [s] from the first message until the other topics are discovered, too
@@ -85,23 +85,23 @@ def run(options: RecordOptions, console: Console) -> None:
     from sain_core.ros.node_main import ros_context
 
     console.soft_wrap = True
-    cut_off = set_aside(options.out) if options.resume else None
+    if options.resume:
+        check_parts(options.out)
     try:
         with ros_context():
-            record(options, console, is_part=cut_off is not None)
-        if cut_off is not None:
-            join_parts(cut_off, options.out, console)
+            record(options, console)
+        if options.resume:
+            end_parts(options.out, console)
     except SainError as error:
-        if cut_off is None:
+        if not options.resume:
             raise
-        raise OutputError(f"{error}; its parts are left: {rescue(options.out)}") from error
+        raise OutputError(f"{error}; its files are left: {rescue(options.out)}") from error
 
 
-def join_parts(cut_off: Path, out: Path, console: Console) -> None:
-    """Join a recording with those that it went on with, unless another signal comes."""
-    size = sum(path.stat().st_size for path in (*mcap_files(cut_off), *mcap_files(out)))
-    doing = f"joining the parts of the recording, {size / 1e6:.1f} MB"
-    console.print(f"{doing}; Ctrl-C leaves the parts", highlight=False)
+def end_parts(out: Path, console: Console) -> None:
+    """End the files that a crash has cut off, unless another signal comes, and so the bag."""
+    doing = "ending the files that were cut off"
+    console.print(f"{doing}; Ctrl-C leaves them", highlight=False)
     lifetime.stopping(doing)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
@@ -114,13 +114,13 @@ def join_parts(cut_off: Path, out: Path, console: Console) -> None:
             lifetime.alive()
 
     try:
-        join(cut_off, out, advance)
+        make_whole(out, advance)
     except KeyboardInterrupt:
-        raise OutputError("a signal ended the recorder before it was joined") from None
-    console.print(f"Joined with what was recorded before: {out}", highlight=False)
+        raise OutputError("a signal ended the recorder before its bag was whole") from None
+    console.print(f"One bag with what was recorded before: {out}", highlight=False)
 
 
-def record(options: RecordOptions, console: Console, is_part: bool = False) -> None:
+def record(options: RecordOptions, console: Console) -> None:
     """Record until a signal comes; rclpy is initialised. Raises as `run`."""
     from sain_bags.ros.recorder import Recorder
 
@@ -130,7 +130,7 @@ def record(options: RecordOptions, console: Console, is_part: bool = False) -> N
     stop = StopSignal()
     with (
         ExitStack() as afterwards,  # once the bag is closed
-        BagWriter(options.out, options.bag, custom_data, is_part=is_part) as writer,
+        BagWriter(options.out, options.bag, custom_data, resumes=options.resume) as writer,
     ):
         recorder = Recorder(writer, selection)
         afterwards.callback(release, recorder)

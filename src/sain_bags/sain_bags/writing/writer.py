@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 from sain_bags.bag.metadata import Topic, bag_metadata, write_metadata
+from sain_bags.bag.parts import mcap_files
 from sain_bags.mcap.integrity import rescue
 from sain_bags.writing.split_file import SplitFile
 from sain_core.config import Config, option
@@ -60,11 +61,12 @@ class BagWriter:
         config: BagConfig = BagConfig(),
         custom_data: Mapping[str, str] | None = None,
         ros_distro: str = "jazzy",
-        is_part: bool = False,
+        resumes: bool = False,
     ) -> None:
         """Create the folder and the first MCAP file in it.
 
-        A part is joined with earlier ones and gets no ``metadata.yaml``: alone it is no whole bag.
+        A recording that resumes writes its files behind those that are there, which may be cut off,
+        and no ``metadata.yaml``: `make_whole` does, once it mended those.
 
         Raises:
             OutputError: the folder exists, or cannot be written.
@@ -73,7 +75,10 @@ class BagWriter:
         self.custom_data = dict(custom_data or {})  # may be added to until the bag is closed
         self._config = config
         self._splits = config.split_size > 0 or config.split_duration > 0.0
-        self._ros_distro, self._is_part = ros_distro, is_part
+        self._ros_distro, self._resumes = ros_distro, resumes
+        earlier = mcap_files(folder) if resumes else ()
+        numbers = [int(path.stem.rpartition("_")[2]) for path in earlier]
+        self._first_number = max(numbers, default=-1) + 1
         self._topics: dict[str, Topic] = {}
         self._channels: dict[str, int] = {}  # in the file
         self._counts: dict[str, int] = {}
@@ -183,7 +188,7 @@ class BagWriter:
         self._finisher.shutdown()
         failures = [error for done in self._finished if (error := done.exception())]
         try:
-            if self._are_whole and not self._is_part:
+            if self._are_whole and not self._resumes:
                 spans = {file.path.name: file.span for file in self.files}
                 topics = [
                     (topic, sum(file.counts.get(name, 0) for file in self.files))
@@ -235,7 +240,8 @@ class BagWriter:
         return all(file.whole for file in self.files)
 
     def _begin_file(self) -> SplitFile:
-        path = self.folder / f"{self.folder.name}_{len(self.files)}.mcap"
+        number = self._first_number + len(self.files)
+        path = self.folder / f"{self.folder.name}_{number}.mcap"
         about = (self.custom_data, self._ros_distro)
         return SplitFile(path, self._config.compression, self._config.chunk_size, *about)
 
@@ -258,12 +264,13 @@ class BagWriter:
     def _create(self) -> SplitFile:
         folder = self.folder
         try:
-            folder.mkdir(parents=True)
+            folder.mkdir(parents=True, exist_ok=self._resumes)
             try:
                 self._check_free_space()
                 return self._begin_file()
             except BaseException:
-                folder.rmdir()
+                if not self._first_number:
+                    folder.rmdir()
                 raise
         except FileExistsError as error:
             message = f"{folder} exists; a bag is never overwritten, choose another"
