@@ -9,25 +9,20 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import apsw
 import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Chunk, McapRecord, Message
 from mcap.stream_reader import breakup_chunk
-from rosbags.rosbag2 import ReaderError
-from ruamel.yaml.error import YAMLError
 
 from sain_bags.mcap.copying import McapCopy
 from sain_bags.mcap.integrity import Unpacking, opened, read_data, unpack
 from sain_bags.mcap.mcap_file import McapFile
-from sain_bags.reading.sqlite_file import read_sqlite, whole_sqlite
+from sain_bags.reading.sqlite_file import read_sqlite
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import PIECE_BYTES, open_regular
 
 UNCOMPRESSED: Final = ("", "none")
-BAD_CONTENT: Final = (  # in rosbags
-    apsw.Error, YAMLError, LookupError, TypeError, ValueError, AttributeError, RecursionError,
-)  # fmt: skip
+BAD_CONTENT: Final = (sqlite3.Error, LookupError, TypeError, ValueError, AttributeError)
 STORAGES: Final = ("mcap", "sqlite3")
 WINDOW: Final = 1 << 20  # [bytes], unpacked at a time
 
@@ -86,8 +81,8 @@ class ReadableFiles:
 
     def _read_sqlite(self, file: Path, source: Path) -> Iterator[McapRecord]:
         try:
-            yield from read_sqlite(whole_sqlite(source, self._folder))
-        except (sqlite3.Error, ReaderError, *BAD_CONTENT, UntrustedFileError) as error:
+            yield from read_sqlite(source, self._folder)
+        except (*BAD_CONTENT, UntrustedFileError) as error:
             reason = " ".join(str(error).split())
             raise DatasetError(f"{file} cannot be read: {reason}; get the bag again") from error
 
