@@ -22,8 +22,6 @@ VERSION = PYPROJECT["project"]["version"]
 DISTRIBUTION_OF = {
     "cv2": "opencv-python-headless",
     "PIL": "pillow",
-    "ruamel": "ruamel.yaml",
-    "mcap_ros2": "mcap-ros2-support",
     "pybullet_data": "pybullet",
     "yaml": "pyyaml",
 }
@@ -32,7 +30,6 @@ KEY_OF = {  # the rosdep keys of distributions, in rosdep/python.yaml of ros/ros
     "gymnasium": "python3-gymnasium-pip",
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
-    "mcap-ros2-support": "mcap-ros2-support",
     "mujoco": "python3-mujoco-pip",
     "numba": "python3-numba",
     "numpy": "python3-numpy",

@@ -160,13 +160,19 @@ def test_bags_that_rosbags_wrote(
     assert compare(rows(tmp_path / "other"), tmp_path / "other") > 0
 
 
+def text_of(channel: Any) -> str:
+    return str(channel.schema.data.decode())
+
+
 def sqlite_bag(bag: Path, folder: Path, other_type: str = "") -> Path:
     """Copy a bag as rosbag2 has it in sqlite3; with another type on the topic of results."""
     ours = Bag(bag)
     with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
         about: dict[str, Any] = {"rihs01": "RIHS01_" + 64 * "0"}
         connections = {
-            one.topic: writer.add_connection(one.topic, one.type, msgdef=one.definition(), **about)
+            one.topic: writer.add_connection(
+                one.topic, one.type, msgdef=one.schema.data.decode(), **about
+            )
             for one in ours.channels
         }
         for raw in ours.raw_messages():
@@ -237,7 +243,7 @@ def test_of_two_types_on_a_topic_the_graphs_is_read(bag: Path, tmp_path: Path) -
         writer = McapWriter(stream)
         writer.start(profile="ros2")
         for found in (*ours.channels, None):
-            name, text = (found.type, found.definition()) if found else (kind, "string data")
+            name, text = (found.type, text_of(found)) if found else (kind, "string data")
             schema = writer.register_schema(name, "ros2msg", text.encode())
             topic = found.topic if found else "/sain/push_result"
             channel = writer.register_channel(topic, "cdr", schema)

@@ -80,7 +80,7 @@ def test_a_full_disk_ends_in_a_clear_error_and_a_whole_bag(
     assert 50 < writer.counts["/chat"] < 1000
     bag = Bag(tmp_path / "bag")
     bag.check()
-    assert bag.message_count == writer.counts["/chat"] == len(list(bag.messages()))
+    assert bag.message_count == writer.counts["/chat"] == len(list(bag.raw_messages()))
 
 
 def test_a_disk_that_is_nearly_full_ends_the_recording(

@@ -1,6 +1,6 @@
-"""Where in a message each field is, so that thousands of messages are decoded at once.
+"""Messages in CDR: decoded one by one, or thousands at once by where in them each field is.
 
-In CDR the place of a field depends on nothing but the lengths of the strings and sequences before
+The place of a field depends on nothing but the lengths of the strings and sequences before
 it. So one message is walked field by field, following the definition in the bag; and every other
 of the same size that has the same lengths in the same places has its fields there too.
 
@@ -11,14 +11,14 @@ order, then the fields, each aligned to its own size as counted from there.
 import struct
 from collections.abc import Collection
 from dataclasses import dataclass, field
-from functools import lru_cache
+from itertools import groupby
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
 from numpy import ndarray
-from rosbags.interfaces import Nodetype
-from rosbags.typesys import TypesysError, get_types_from_msg
 
+from sain_bags.bag.message_types import SCALAR, SEQUENCE, Field, MessageTypes, full_name
 from sain_core.errors import DatasetError
 
 NUMBERS: Final = {  # as numpy has them; their size is also what CDR aligns them to
@@ -30,60 +30,14 @@ NUMBERS: Final = {  # as numpy has them; their size is also what CDR aligns them
     "float32": "f4",
     "float64": "f8",
 }
+FORMATS: Final = dict(zip(NUMBERS, "?BBbhiqBHIQfd", strict=True))  # the same, of `struct`
 TEXT: Final = "string"
-SCALAR: Final = -1  # in place of a count
-SEQUENCE: Final = -2
 HEADER: Final = 4  # [bytes]
 BYTE_ORDERS: Final = {b"\0\0": ">", b"\0\1": "<"}
-DEFINITIONS: Final = 16  # that are kept once they are parsed: readers of a bag share them
 PADDING: Final = 3  # [bytes], that a middleware may put at the end
 MOST_NUMBERS: Final = 4096  # of a sequence that is read
 LENGTH: Final = 4  # [bytes], of the length of a string or a sequence
-
-
-@dataclass(frozen=True)
-class Field:
-    """One field of a message."""
-
-    name: str
-    type: str  # a key of `NUMBERS`, `TEXT`, or a message's full name
-    count: int  # of an array, or `SCALAR`, or `SEQUENCE`
-
-
-NO_FIELD: Final = Field("structure_needs_at_least_one_member", "uint8", SCALAR)  # rosidl adds it
-MessageTypes = dict[str, tuple[Field, ...]]  # by full name
-
-
-@lru_cache(maxsize=DEFINITIONS)
-def read_types(name: str, text: str) -> MessageTypes:
-    """Return the fields of a message type and of all that it refers to.
-
-    Args:
-        name: full, for example ``std_msgs/msg/Header``.
-        text: its definition, followed by those of what it refers to (``ros2msg``).
-    """
-    try:
-        found = get_types_from_msg(text, name)
-    except (TypesysError, LookupError, RecursionError, ValueError) as error:
-        reason = " ".join(str(error).split())[:300]
-        raise DatasetError(f"the definition of {name} cannot be read: {reason}") from error
-    types = {
-        full: tuple(_field(*entry) for entry in fields) or (NO_FIELD,)
-        for full, (_, fields) in found.items()
-    }
-    for full, fields in types.items():
-        for entry in fields:
-            if entry.type not in NUMBERS and entry.type != TEXT and entry.type not in types:
-                raise DatasetError(f"{entry.type}, of {entry.name} in {full}, is not described")
-    return types
-
-
-def _field(name: str, described: Any) -> Field:
-    (node, about), count = described, SCALAR
-    if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
-        (node, about), count = about
-        count = count if described[0] == Nodetype.ARRAY else SEQUENCE
-    return Field(name, about[0] if node == Nodetype.BASE else about, count)
+Runs = list[tuple[tuple[str, ...], Field]]
 
 
 @dataclass
@@ -128,92 +82,161 @@ def find_layout(types: MessageTypes, name: str, message: bytes, wanted: Collecti
         wanted: the paths of the fields to find, as in ``before.header.stamp.sec``; those inside a
             sequence of messages stand for all of its elements.
     """
-    order = BYTE_ORDERS.get(message[:2])
-    if order is None or len(message) < HEADER:
-        raise DatasetError(
-            f"a {name} begins with {message[:4].hex()!r}; CDR begins with 0000, 0001"
-        )
-    walk = _Walk(types, message, Layout(order), frozenset(wanted))
-    walk.message(name, "")
-    if not 0 <= len(message) - walk.place <= PADDING:
-        raise DatasetError(f"a {name} of {len(message)} bytes has fields for {walk.place}")
+    walk = _LayoutWalk(types, name, message, frozenset(wanted))
+    walk.message(full_name(name), "")
+    walk.end()
     return walk.layout
 
 
+class Decoder:
+    """Decodes messages of one type."""
+
+    def __init__(self, types: MessageTypes, name: str) -> None:
+        """Store the types that describe it, and its full name."""
+        self.types, self.name = types, name
+        self.runs = {kind: _runs(fields) for kind, fields in types.items()}
+
+    def decode(self, message: bytes) -> SimpleNamespace:
+        """Return a message with attributes named as its fields; arrays are lists, of bytes bytes.
+
+        Raises:
+            DatasetError, UnicodeDecodeError: it is not as its definition says.
+        """
+        walk = _DecodingWalk(self.types, self.name, message)
+        walk.runs = self.runs
+        found = walk.message(full_name(self.name))
+        walk.end()
+        return found
+
+
 class _Walk:
+    """A place in a message that goes on from field to field."""
+
+    def __init__(self, types: MessageTypes, name: str, message: bytes) -> None:
+        order = BYTE_ORDERS.get(message[:2])
+        if order is None or len(message) < HEADER:
+            raise DatasetError(
+                f"a {name} begins with {message[:4].hex()!r}; CDR begins with 0000, 0001"
+            )
+        self.order, self.place = order, HEADER
+        self._types, self._name, self._message = types, name, message
+
+    def end(self) -> None:
+        """Check that nothing is left of the message."""
+        if not 0 <= len(self._message) - self.place <= PADDING:
+            size = len(self._message)
+            raise DatasetError(f"a {self._name} of {size} bytes has fields for {self.place}")
+
+    def count(self, entry: Field) -> int:
+        """Return how many elements a field has."""
+        if entry.count == SEQUENCE:
+            return self.length()
+        return 1 if entry.count == SCALAR else entry.count
+
+    def length(self) -> int:
+        """Return the length of the string or the sequence that begins here."""
+        (length,) = struct.unpack_from(f"{self.order}I", self._message, self.take(LENGTH, LENGTH))
+        if length > len(self._message):
+            raise DatasetError(
+                f"something of {length} elements cannot be in {len(self._message)} bytes"
+            )
+        return int(length)
+
+    def take(self, size: int, alignment: int = 1) -> int:
+        """Go on behind so many bytes; return where they begin."""
+        start = self.place + (HEADER - self.place) % alignment
+        self.place = start + size
+        if self.place > len(self._message):
+            raise DatasetError(f"{len(self._message)} bytes end inside a field")
+        return start
+
+
+class _DecodingWalk(_Walk):
+    runs: dict[str, Runs]
+
+    def message(self, kind: str) -> SimpleNamespace:
+        values: dict[str, Any] = {}
+        for names, entry in self.runs[kind]:
+            found = self._values(entry, len(names) or self.count(entry))
+            values.update(zip(names, found, strict=True) if names else [(entry.name, found)])
+        return SimpleNamespace(**values)
+
+    def _values(self, entry: Field, count: int) -> Any:
+        if sign := FORMATS.get(entry.type):
+            size = struct.calcsize(sign)
+            if not count:
+                return b"" if sign == "B" else []
+            start = self.take(count * size, size)
+            if sign == "B" and entry.count != SCALAR:
+                return self._message[start : self.place]
+            return list(struct.unpack_from(f"{self.order}{count}{sign}", self._message, start))
+        if entry.type == TEXT:
+            return [self._text() for _ in range(count)]
+        if entry.type not in self._types:
+            raise DatasetError(f"{entry.name} is a {entry.type}, which cannot be read")
+        return [self.message(entry.type) for _ in range(count)]
+
+    def _text(self) -> str:
+        size = self.length()
+        start = self.take(size)
+        return self._message[start : start + max(size - 1, 0)].decode()
+
+
+def _runs(fields: tuple[Field, ...]) -> Runs:
+    """Return fields in their order, scalars of one type behind each other with all their names."""
+    groups = groupby(fields, key=lambda one: (one.count, one.count != SCALAR or one.type))
+    found: Runs = []
+    for (count, _), group in groups:
+        members = list(group)
+        if count == SCALAR:
+            found.append((tuple(one.name for one in members), members[0]))
+        else:
+            found += [((), one) for one in members]
+    return found
+
+
+class _LayoutWalk(_Walk):
     def __init__(
-        self, types: MessageTypes, message: bytes, layout: Layout, wanted: frozenset[str]
+        self, types: MessageTypes, name: str, message: bytes, wanted: frozenset[str]
     ) -> None:
-        self.layout, self.place = layout, HEADER
-        self._types, self._message, self._wanted = types, message, wanted
+        super().__init__(types, name, message)
+        self.layout, self._wanted = Layout(self.order), wanted
 
-    def message(self, name: str, prefix: str) -> None:
-        for entry in self._types[name]:
+    def message(self, kind: str, prefix: str) -> None:
+        for entry in self._types[kind]:
             path = prefix + entry.name
+            count = self.count(entry)
+            if entry.count != SCALAR and (entry.type not in NUMBERS or path in self._wanted):
+                self.layout.counts[path] = count
             if entry.type in NUMBERS:
-                self._numbers(entry, path)
-            elif entry.type == TEXT:
-                for _ in range(self._count(entry)):
-                    self._text(path)
-            else:
-                self._messages(entry, path)
+                self._numbers(entry, path, count)
+                continue
+            if entry.type != TEXT and entry.type not in self._types:
+                raise DatasetError(f"{path} is a {entry.type}, which cannot be read")
+            for _ in range(count):
+                self._text(path) if entry.type == TEXT else self.message(entry.type, f"{path}.")
 
-    def _numbers(self, entry: Field, path: str) -> None:
-        dtype = np.dtype(self.layout.byte_order + NUMBERS[entry.type])
-        count = self._count(entry)
-        if path in self._wanted and entry.count != SCALAR:
-            if count > MOST_NUMBERS:
-                raise DatasetError(f"{path} has {count:,} numbers; allowed: {MOST_NUMBERS:,}")
-            self.layout.counts[path] = count
+    def length(self) -> int:
+        length = super().length()
+        self.layout.lengths[self.place - LENGTH] = length
+        return length
+
+    def _numbers(self, entry: Field, path: str, count: int) -> None:
+        dtype = np.dtype(self.order + NUMBERS[entry.type])
+        if path in self._wanted and entry.count != SCALAR and count > MOST_NUMBERS:
+            raise DatasetError(f"{path} has {count:,} numbers; allowed: {MOST_NUMBERS:,}")
         if not count:
             return
-        self._align(dtype.itemsize)
-        start = self.place
-        self._skip(count * dtype.itemsize)
+        start = self.take(count * dtype.itemsize, dtype.itemsize)
         if path in self._wanted:
             places = range(start, self.place, dtype.itemsize)
             self.layout.numbers.setdefault(path, (dtype, []))[1].extend(places)
 
     def _text(self, path: str) -> None:
-        length = self._length()
+        size = self.length()
+        start = self.take(size)
         if path in self._wanted:
-            self.layout.texts[path] = (self.place, self.place + max(length - 1, 0))
-        self._skip(length)
-
-    def _messages(self, entry: Field, path: str) -> None:
-        if entry.type not in self._types:
-            raise DatasetError(f"{path} is a {entry.type}, which cannot be read")
-        count = self._count(entry)
-        if entry.count != SCALAR:
-            self.layout.counts[path] = count
-        for _ in range(count):
-            self.message(entry.type, f"{path}.")
-
-    def _count(self, entry: Field) -> int:
-        if entry.count == SEQUENCE:
-            return self._length()
-        return 1 if entry.count == SCALAR else entry.count
-
-    def _length(self) -> int:
-        """Return the length of the string or the sequence that begins here."""
-        self._align(LENGTH)
-        start = self.place
-        self._skip(LENGTH)
-        (length,) = struct.unpack_from(f"{self.layout.byte_order}I", self._message, start)
-        if length > len(self._message):
-            raise DatasetError(
-                f"something of {length} elements cannot be in {len(self._message)} bytes"
-            )
-        self.layout.lengths[start] = length
-        return length
-
-    def _align(self, size: int) -> None:
-        self.place += (HEADER - self.place) % size
-
-    def _skip(self, size: int) -> None:
-        self.place += size
-        if self.place > len(self._message):
-            raise DatasetError(f"{len(self._message)} bytes end inside a field")
+            self.layout.texts[path] = (start, start + max(size - 1, 0))
 
 
 def _view(messages: ndarray, places: list[int], dtype: np.dtype) -> ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from mcap.records import Channel, ChunkIndex, Schema
 from numpy import ndarray
 
-from sain_bags.bag.definition_check import check_definition, check_version
+from sain_bags.bag.message_types import MessageTypes, check_version, read_types
 from sain_bags.mcap.mcap_file import CHANNELS, Batch, McapFile
 from sain_core.errors import DatasetError
 
@@ -49,8 +49,8 @@ class BagChannel:
         """Return whether anything describes its messages."""
         return self.schema is not None and bool(self.schema.data)
 
-    def definition(self) -> str:
-        """Return the text that describes its messages (``ros2msg``)."""
+    def types(self) -> MessageTypes:
+        """Return the types that describe its messages (``ros2msg``)."""
         encoding, schema = self.channel.message_encoding, self.schema
         if schema is None or (encoding, schema.encoding) != ("cdr", "ros2msg"):
             described = schema.encoding if schema else "nothing"
@@ -62,9 +62,9 @@ class BagChannel:
             text = schema.data.decode()
         except UnicodeDecodeError as error:
             raise DatasetError(f"the definition of {schema.name[:100]} is not UTF-8") from error
-        check_definition(schema.name, text)
+        types = read_types(schema.name, text)
         check_version(schema.name, text)
-        return text
+        return types
 
 
 class BagFiles:

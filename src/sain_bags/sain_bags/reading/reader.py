@@ -1,18 +1,12 @@
 """Reads bags without ROS: every message is decoded with the definitions that the bag carries."""
 
-import struct
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import redirect_stderr
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from io import StringIO
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
-from mcap.exceptions import McapError
-from mcap_ros2._vendor.rosidl_adapter.parser import InvalidSpecification, InvalidValue
-from mcap_ros2.decoder import DecoderFactory
-
+from sain_bags.bag.layouts import Decoder
 from sain_bags.bag.metadata import (
     METADATA_FILE,
     Span,
@@ -24,17 +18,12 @@ from sain_bags.bag.metadata import (
     whole_span,
 )
 from sain_bags.mcap.integrity import check_file, opened
-from sain_bags.reading.bag_files import BagChannel, BagFiles
+from sain_bags.reading.bag_files import BagFiles
 from sain_bags.reading.foreign import ReadableFiles
 from sain_core.errors import DatasetError, UntrustedFileError
 from sain_core.guarding.untrusted import DECODED_BYTES, TimeAllowance, limit
 
 BAG_HELP: Final = "a bag's folder, or its MCAP file"  # what `Bag` opens
-BAD_DEFINITION: Final = (InvalidSpecification, InvalidValue, NameError)
-DECODING: Final = (
-    ValueError, IndexError, KeyError, TypeError, AttributeError, OverflowError, RecursionError,
-    NotImplementedError, struct.error, MemoryError,
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -87,7 +76,7 @@ class Bag(BagFiles):
         spans = [span_of(one) for one in self.statistics]
         self._span = whole_span(spans)
         self._check_metadata(spans)
-        self._decoders: dict[tuple[str, bytes], Callable[[bytes], Any]] = {}
+        self._decoders: dict[int, Decoder] = {}  # by number of a channel
 
     @property
     def file(self) -> Path:
@@ -186,16 +175,18 @@ class Bag(BagFiles):
     def decode(self, number: int, data: bytes) -> Any:
         """Return a message of a channel, by its number in the bag, decoded."""
         channel = self.channels[number]
-        key = (channel.type, channel.schema.data if channel.schema else b"")
-        if key not in self._decoders:
-            self._decoders[key] = _decoder(channel, self.path)
         try:
+            if number not in self._decoders:
+                self._decoders[number] = Decoder(channel.types(), channel.type)
             limit("bytes in a message", len(data), DECODED_BYTES)
+        except (DatasetError, UntrustedFileError) as error:
+            raise DatasetError(f"{self.path}: {channel.topic} is not decoded: {error}") from error
+        try:
             with self.decoding:
-                return self._decoders[key](data)
+                return self._decoders[number].decode(data)
         except UntrustedFileError as error:
             raise DatasetError(f"{self.path}: {channel.topic} is not decoded: {error}") from error
-        except DECODING as error:
+        except (DatasetError, UnicodeDecodeError) as error:
             raise DatasetError(
                 f"{self.path}: a message of {channel.topic} is not as its definition says ({error})"
             ) from error
@@ -257,15 +248,3 @@ class Bag(BagFiles):
             for number, first, end, log_time, publish_time, sequence in rows:
                 topic, kind = names[number]
                 yield number, Raw(topic, kind, data[first:end], log_time, publish_time, sequence)
-
-
-def _decoder(source: BagChannel, path: Path) -> Callable[[bytes], Any]:
-    found: Callable[[bytes], Any] | None
-    try:
-        source.definition()
-        with redirect_stderr(StringIO()):  # the parser prints what it raises, too
-            found = DecoderFactory().decoder_for(source.channel.message_encoding, source.schema)
-    except (DatasetError, McapError, *BAD_DEFINITION, *DECODING) as error:
-        raise DatasetError(f"{path}: {' '.join(str(error).split())}") from error
-    assert found is not None
-    return found

@@ -331,8 +331,7 @@ def _drafts_by_goal(draft: _Draft) -> list[tuple[Any, _Draft]]:
 
 def _is_same(goal: Any, other: Any) -> bool:
     """Tell whether a goal is another one once more, whenever it was sent."""
-    names = set(goal.__slots__) - {"header"}
-    return all(repr(getattr(goal, name)) == repr(getattr(other, name, None)) for name in names)
+    return repr({**vars(goal), "header": None}) == repr({**vars(other), "header": None})
 
 
 def _episode(number: int, draft: _Draft, goal: Any, run: int) -> Episode:

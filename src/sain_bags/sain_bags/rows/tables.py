@@ -12,7 +12,8 @@ from typing import Any, Final
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.bag.layouts import SCALAR, TEXT, Layout, MessageTypes, find_layout, read_types
+from sain_bags.bag.layouts import NUMBERS, TEXT, Layout, find_layout
+from sain_bags.bag.message_types import SCALAR, MessageTypes, full_name
 from sain_bags.mcap.mcap_file import Batch
 from sain_bags.reading.bag_files import BagChannel
 from sain_bags.reading.reader import Bag
@@ -124,7 +125,7 @@ def number_paths(name: str) -> list[str]:
 def checked_types(bag: Bag, channel: BagChannel, paths: Iterable[str]) -> MessageTypes:
     """Return the types that describe a channel's messages, which have all of these fields."""
     try:
-        types = read_types(channel.type, channel.definition())
+        types = channel.types()
         for path in paths:
             _check_path(types, channel.type, path)
     except DatasetError as error:
@@ -133,7 +134,7 @@ def checked_types(bag: Bag, channel: BagChannel, paths: Iterable[str]) -> Messag
 
 
 def _check_path(types: MessageTypes, name: str, path: str) -> None:
-    kind = name
+    kind = full_name(name)
     for step in path.split("."):
         found = {entry.name: entry for entry in types.get(kind, ())}
         if step not in found:
@@ -141,7 +142,7 @@ def _check_path(types: MessageTypes, name: str, path: str) -> None:
         if found[step].count != SCALAR and step not in SEQUENCES:
             raise DatasetError(f"{path} of {name} is an array")
         kind = found[step].type
-    if kind in types or (kind == TEXT) != (step in TEXTS):
+    if kind not in {*NUMBERS, TEXT} or (kind == TEXT) != (step in TEXTS):
         raise DatasetError(f"{path} of {name} is a {kind}")
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from sain_bags.bag.definition_check import check_definition
 from sain_bags.bag.definitions import SEPARATOR
+from sain_bags.bag.message_types import read_types
 from sain_core.errors import DatasetError
 
 NAME = "a/msg/T"
@@ -20,7 +20,7 @@ def chain(depth: int) -> str:
 @pytest.mark.parametrize(
     ("text", "reason"),
     [
-        ("a/msg/T again", "contains itself: a/T"),
+        ("a/msg/T again", "contains itself: a/msg/T"),
         (f"U u\n{SEPARATOR}\nMSG: a/U\nT[] back", "contains itself"),
         (chain(40), "nested more than 32 deep"),
         ("uint8 x\n" * 5001, "more than 5,000 fields"),
@@ -34,12 +34,12 @@ def chain(depth: int) -> str:
 )
 def test_what_is_refused(text: str, reason: str) -> None:
     with pytest.raises(DatasetError, match=reason):
-        check_definition(NAME, text)
+        read_types(NAME, text)
 
 
 def test_what_is_allowed() -> None:
-    check_definition(NAME, chain(31))
-    check_definition(NAME, f"U a\nU b\nV c\n{SEPARATOR}\nMSG: a/U\nV v\n{SEPARATOR}\nMSG: a/V\n")
-    check_definition(
+    read_types(NAME, chain(31))
+    read_types(NAME, f"U a\nU b\nV c\n{SEPARATOR}\nMSG: a/U\nV v\n{SEPARATOR}\nMSG: a/V\n")
+    read_types(
         NAME, "string<=9[<=4] names\nstring S='#'  # a constant\nuint8 N = 3\n\nfloat64[2] xy\r\n"
     )
