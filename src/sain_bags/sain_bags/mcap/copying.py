@@ -19,7 +19,7 @@ class McapCopy:
         self.writer = Writer(stream, chunk_size=CHUNK_SIZE, enable_data_crcs=True)
         self.writer.start(profile=Profile.ROS2, library="sain_bags")
         self._described: dict[tuple[type, int], McapRecord] = {}
-        self._numbers = {(Schema, 0): 0}  # in the copy, of what was described
+        self._numbers: dict[tuple[type, int], int] = {(Schema, 0): 0}  # in the copy
 
     def add(self, record: McapRecord) -> int:
         """Add a record, with all records of a chunk; return the last time of its messages, or 0."""
