@@ -89,7 +89,7 @@ class ImageSight(Sight):
         if see == OUTLINES:
             config = replace(config, width=640, height=480, detail=1.0)
         arm = world.cell.robot
-        self._camera = image_camera(config, arm, bodies.bodies, bodies.radii, bodies.tags)
+        self._camera = image_camera(config, arm, bodies.bodies, bodies.radii, tags=bodies.tags)
         self._period = 1.0 / config.rate
         size, lens = (config.width, config.height), np.array(config.distortion)
         self._model = CameraModel(*size, config.matrix, lens, *config.stated_pose)

@@ -18,9 +18,11 @@ from sain_bringup.movie import Moment, Scenery, encode_gif, start_film
 from sain_bringup.report import PlayedEpisode, draw_picture, summary_table
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
-from sain_core.scene import make_scene
+from sain_core.scene import make_scene, unit
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_core.workers import Work
+from sain_sim.camera.renderer import paper_arm
 
 GOAL = np.array([0.60, 0.0])
 
@@ -90,26 +92,9 @@ def judged(distance: float) -> Judgement:
 
 def moments(count: int, step: float) -> list[Moment]:
     return [
-        Moment(step * n, np.full(7, float(n)), scene(0.4), judged(0.3 - 0.01 * n))
+        Moment(step * n, np.full(7, 0.1 * n), scene(0.4), judged(0.3 - 0.01 * n))
         for n in range(count)
     ]
-
-
-class FakeRenderer:
-    """Draws a red square as far right as the first joint says."""
-
-    def __enter__(self) -> "FakeRenderer":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        pass
-
-    def picture(
-        self, joints: np.ndarray, disks: Scene, goal: np.ndarray, ring: float
-    ) -> np.ndarray:
-        picture = np.full((96, 128, 3), 230, np.uint8)
-        picture[40:60, int(joints[0]) * 8 :][:, :8] = (200, 60, 30)
-        return picture
 
 
 def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
@@ -119,17 +104,17 @@ def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
 
 def test_the_gif_moves_and_ends_with_a_pause(monkeypatch):
     monkeypatch.setattr(movie, "start_processes", in_this_process)
-    monkeypatch.setattr(movie.Scenery, "renderer", lambda _: FakeRenderer())
-    scenery = Scenery(scene(0.4), None, None, GOAL, 0.08, "paper 4")
+    robot, ring = paper_arm(), GOAL + 0.08 * unit(np.linspace(0.0, 6.2, 72))
+    scenery = Scenery(robot, Bodies.disks(2), (0.08, 0.06), ring, "paper 4")
     frames = list(chain(*start_film(scenery, moments(5, 0.1), processes=2)))
     with Image.open(BytesIO(encode_gif(frames))) as shown:
-        assert (shown.n_frames, shown.size, shown.info["duration"]) == (5, (128, 96), 80)
-        red = np.array(shown.convert("RGB")).reshape(-1, 3)
+        assert (shown.n_frames, shown.size, shown.info["duration"]) == (5, (480, 360), 80)
+        first = np.array(shown.convert("RGB")).astype(int)
         shown.seek(4)
         assert shown.info["duration"] == 2080
         last = np.array(shown.convert("RGB"))
-    assert (np.abs(red.astype(int) - (200, 60, 30)).sum(axis=1) < 40).any()
-    assert np.abs(last[50, 36].astype(int) - (200, 60, 30)).sum() < 40
+    moved = np.abs(last - first).max(axis=-1)[:320] > 40  # above the caption
+    assert 1000 < moved.sum() < moved.size / 2
 
 
 def shown(distances: list[float]) -> str:

@@ -17,19 +17,21 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
+from sain_arm.robot.robot import Robot
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.topics import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.goal import Judgement
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Points, Scene
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
 from sain_core.workers import FunctionRunner, Work, start_processes
 
 if TYPE_CHECKING:
-    from sain_sim.camera.render import Renderer  # takes a second to load
+    from sain_sim.camera.renderer import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 MARGIN: Final = 16  # [px]
@@ -52,7 +54,7 @@ class Moment:
     """The world at one time."""
 
     time: float  # [s], simulated
-    joints: Float[ndarray, "7"]  # [rad]
+    joints: Float[ndarray, "J"]  # [rad]
     scene: Scene  # (N, 8)
     judged: Judgement  # how far it is from the goal
 
@@ -62,7 +64,7 @@ def episode_moments(bag: Bag, episode: Episode) -> list[Moment]:
 
     Of a part towards one goal: what was seen until the next.
     """
-    joints: dict[int, Float[ndarray, "7"]] = {}  # by time stamp [ns]
+    joints: dict[int, Float[ndarray, "J"]] = {}  # by time stamp [ns]
     scenes: dict[int, Scene] = {}
     namespace = bag.custom_data.get(NAMESPACE_KEY, "")
     for received in bag.messages(types=(JOINTS, SCENE)):
@@ -102,34 +104,26 @@ def choose_moments(moments: Sequence[Moment]) -> list[Moment]:
 class Scenery:
     """What all pictures of a film have in common."""
 
-    start: Scene  # (N, 8)
-    shapes: tuple[str, ...] | None
-    outline: Points | None  # (C, 2) [m], of the first body in its goal; None: a ring is drawn
-    goal: Points  # (2,) [m]
-    ring: float  # [m], radius
+    robot: Robot
+    bodies: Bodies
+    radii: tuple[float, ...]  # [m]
+    goal: Points  # (C, 2) [m], outline on the table
     title: str  # on each picture
 
     def renderer(self) -> "Renderer":
         """Return what renders the pictures."""
-        from sain_sim.camera.render import Renderer
+        from sain_sim.camera.renderer import Renderer
 
-        renderer = Renderer(self.start, self.shapes, CAMERA)
-        if self.outline is not None:
-            renderer.mark_goal(self.outline)
-        return renderer
+        return Renderer(self.robot, self.bodies, self.radii, CAMERA)
 
 
 def render(scenery: Scenery, moments: Sequence[Moment]) -> list[Image.Image]:
     """Return the pictures of moments."""
-    with scenery.renderer() as renderer:
-        return [
-            _caption(
-                renderer.picture(moment.joints, moment.scene, scenery.goal, scenery.ring),
-                scenery.title,
-                moment.judged,
-            )
-            for moment in moments
-        ]
+    renderer, goal = scenery.renderer(), scenery.goal
+    return [
+        _caption(renderer.picture(one.joints, one.scene, goal), scenery.title, one.judged)
+        for one in moments
+    ]
 
 
 def start_film(

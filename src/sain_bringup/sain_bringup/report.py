@@ -19,12 +19,14 @@ from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
 from sain_bringup.movie import Scenery, choose_moments, encode_gif, episode_moments, start_film
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
+from sain_core.scene import RADIUS, unit
 from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
-from sain_sim.world.engines import BULLET, is_installed, needs
+from sain_sim.camera.renderer import paper_arm
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
+CORNERS: Final = 72  # of a ring
 
 EpisodeSummary = dict[str, Any]
 
@@ -154,9 +156,7 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         write_summary(folder / "summary.json", bag, summaries)
     with ExitStack() as rendering:
         film = None
-        if video and played and not is_installed(BULLET):
-            display.console.print(f"  no moving picture: it {needs(BULLET)}", soft_wrap=True)
-        elif video and played:
+        if video and played:
             film = rendering.enter_context(closing(begin_film(bag, choose_episode(played))))
         with display.stage("drawing the episodes", "episodes drawn"):
             draw_picture(folder, played)
@@ -207,9 +207,9 @@ def begin_film(bag: Bag, one: PlayedEpisode) -> Generator[list[Image.Image], Non
     assert one.episode.goal is not None
     bodies, start = one.record().bodies, one.episode.start
     mark = goal_marks(one.episode.goal, start, bodies)[0]
-    outline = mark.body.outline if mark.body.marked else None
     # The body has reached its place when it lies wholly inside the ring.
-    ring = mark.body.radius + mark.tolerance
-    shapes = tuple(shape.name for shape in bodies.shapes)
-    scenery = Scenery(start, shapes, outline, mark.body.place, ring, one.title)
+    ring = (mark.body.radius + mark.tolerance) * unit(np.linspace(0.0, 2 * np.pi, CORNERS))
+    goal = mark.body.outline if mark.body.marked else mark.body.place + ring
+    robot = paper_arm()
+    scenery = Scenery(robot, bodies, tuple(start[:, RADIUS].tolist()), goal, one.title)
     return start_film(scenery, choose_moments(episode_moments(bag, one.episode)))

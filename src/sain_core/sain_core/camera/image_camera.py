@@ -116,10 +116,6 @@ class ImageRenderer(Protocol):
         """Return the arm with joints (J,), table and bodies (N, 8), in so many pixels."""
         ...
 
-    def close(self) -> None:
-        """Close what it holds; doing it twice is fine."""
-        ...
-
 
 class Shot(NamedTuple):
     """What a camera takes at one moment."""
@@ -172,7 +168,7 @@ class ImageCamera:
     def __init__(
         self, config: ImageCameraConfig, renderer: ImageRenderer, tags: Sequence[Sequence[Tag]]
     ) -> None:
-        """Take what a renderer draws, with tags on each body; the camera closes the renderer."""
+        """Take what a renderer draws, with tags on each body."""
         self.config = config
         self._renderer, self._tags = renderer, tags
         self._size = config.width, config.height
@@ -219,18 +215,6 @@ class ImageCamera:
         known = (np.asarray(depth) > 0.0) & (np.asarray(depth) < MOST_DEPTH)
         millimetres = np.where(known, np.float32(MILLIMETRES) * depth + 0.5, 0.0)
         return _Ideal(colour.astype(np.uint8), millimetres)
-
-    def close(self) -> None:
-        """Close the renderer."""
-        self._renderer.close()
-
-    def __enter__(self) -> Self:
-        """Return the camera itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self.close()
 
 
 def _lens_map(config: ImageCameraConfig) -> tuple[ndarray, ndarray] | None:

@@ -6,13 +6,12 @@ be one without an error. A `Client` adds its own id to every call; nothing else 
 
 import functools
 import os
-import sys
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import SainError
 
 
 @contextmanager
@@ -31,20 +30,17 @@ def silence_stderr() -> Iterator[None]:
 class Client:
     """A physics server of our own: ``client.stepSimulation()`` steps this one and no other."""
 
-    def __init__(self, gui: bool = False) -> None:
-        """Connect, with a window when asked; PyBullet would end the process without a display.
+    def __init__(self) -> None:
+        """Connect.
 
         Raises:
-            ConfigError: a window where there is no display.
             SainError: when PyBullet gives no connection.
         """
-        if gui and sys.platform == "linux" and not os.environ.get("DISPLAY"):
-            raise ConfigError("gui is true but DISPLAY is not set: there is no screen to show it")
         with silence_stderr():
             import pybullet  # here, so that settings and help load without it
 
         self._pybullet = pybullet
-        self.id = pybullet.connect(pybullet.GUI if gui else pybullet.DIRECT)
+        self.id = pybullet.connect(pybullet.DIRECT)
         if self.id < 0:
             raise SainError("PyBullet refused a connection")
 

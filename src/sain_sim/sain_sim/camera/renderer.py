@@ -5,6 +5,7 @@ renderer needs a driver (EGL or OSMesa) that no wheel has.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import cv2
@@ -14,7 +15,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from sain_arm.robot.arm_model import BODY, compiled, robot_spec, solid_geoms
-from sain_arm.robot.robot import Robot, Vector
+from sain_arm.robot.robot import Robot, Vector, read_robot
 from sain_arm.robot.silhouette import Places, Silhouettes
 from sain_arm.robot.urdf import ROD
 from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
@@ -77,7 +78,7 @@ class Renderer:
         Raises:
             ConfigError: MuJoCo refuses the robot.
         """
-        self.camera = camera
+        self.camera, bodies = camera, bodies.fitted(len(radii))
         spec = robot_spec(robot)
         for mesh in spec.meshes:
             mesh.maxhullvert = HULL  # rays take twice as long for the fine meshes of SO-101
@@ -129,9 +130,6 @@ class Renderer:
         light = AMBIENT + DIRECT * layer.glow * lit
         drawn = _shaded(layer.colour, np.where(_edges(layer.body), INK * light, light))
         return np.asarray(cv2.resize(drawn, (wide, high), interpolation=cv2.INTER_AREA))
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _draw(
         self, width: int, height: int, groups: Sequence[int], goal: Points | None = None
@@ -269,8 +267,8 @@ def image_camera(
     robot: Robot,
     bodies: Bodies,
     radii: Sequence[float],
-    tags: Sequence[Sequence[Tag]] | None = None,
     table: Table = Table(),
+    tags: Sequence[Sequence[Tag]] | None = None,
 ) -> ImageCamera:
     """Return a camera over a robot and bodies with these radii [m].
 
@@ -280,3 +278,18 @@ def image_camera(
         size = config.tag_size
         tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(bodies))]
     return ImageCamera(config, Renderer(robot, bodies, radii, config, table), tags)
+
+
+def paper_arm() -> Robot:
+    """Return the Panda of the simulated cells: its base below the table top, with a longer rod."""
+    robot, rod = read_robot("panda"), 0.1166  # [m], from the hand's TCP to the tip of the stick
+    changes = {
+        '<origin xyz="0.0 0.0 0.0" rpy="0 0 0.0"': f'<origin xyz="0 0 {-Table().height}"',
+        '<origin xyz="0 0 0.05"': f'<origin xyz="0 0 {rod / 2}"',
+        '<origin xyz="0 0 0.1"': f'<origin xyz="0 0 {rod}"',
+        'length="0.1"': f'length="{rod}"',
+    }
+    description = robot.description
+    for before, after in changes.items():
+        description = description.replace(before, after)
+    return replace(robot, description=description)

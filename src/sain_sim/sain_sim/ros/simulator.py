@@ -8,16 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from sain_arm.robot.robot import Robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import InvalidInputError, SainError
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.randomness import generator
-from sain_core.scene import RADIUS
+from sain_core.scene import RADIUS, Table
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.camera.render import Renderer, image_camera
+from sain_sim.camera.renderer import Renderer, image_camera, paper_arm
+from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
@@ -84,7 +87,7 @@ class Simulator:
         self.config = config
         self.pacer = pacer
         self.world = open_world(nominal_parameters(), config.bullet, config.engine)
-        self.window: Renderer | None = None
+        self.window: Window | None = None
         self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         self.camera_timer: CameraTimer | None = None
@@ -129,11 +132,9 @@ class Simulator:
         truth = replace(self.config, world=world or self.config.world)
         parameters, start = draw_episode(seed, truth, scene, shapes, friction, roles)
         self.world.reset(start, parameters)
-        self._close_views()
+        self._images = None
         if self.config.gui:
-            table = self.config.bullet.feasibility.table
-            self.window = Renderer(start, parameters.shapes, table=table, gui=True)
-            self._show(self.world.sample())
+            self._open_window()
         if self.camera is not None:
             self.camera.begin(seed, parameters)
         self._seed, self._shots = seed, 0
@@ -181,31 +182,36 @@ class Simulator:
     def shoot(self, sample: Sample) -> Shot:
         """Return images of a world, as its camera takes them."""
         if self._images is None:  # nobody has wanted any in this episode so far
-            bullet = self.config.bullet
-            self._images = image_camera(
-                self.config.images,
-                sample.scene,
-                self.parameters.shapes,
-                bullet.feasibility.table,
-            )
+            self._images = image_camera(self.config.images, *self._looks)
         self._shots += 1
         random = generator(self._seed, "images", self._shots)
         return self._images.take(sample.joint_positions, sample.scene, random)
+
+    @property
+    def _looks(self) -> tuple[Robot, Bodies, tuple[float, ...], Table]:
+        """What a camera sees."""
+        parameters, table = self.parameters, self.config.bullet.feasibility.table
+        return paper_arm(), parameters.bodies, parameters.radii, table
+
+    def _open_window(self) -> None:
+        self._close_window()
+        robot, bodies, radii, table = self._looks
+        self.window = Window(Renderer(robot, bodies, radii, table=table))
+        self._show(self.world.sample())
 
     def _show(self, sample: Sample) -> None:
         if self.window is not None:
             self.window.show(sample.joint_positions, sample.scene)
 
-    def _close_views(self) -> None:
-        for view in (self._images, self.window):
-            if view is not None:
-                view.close()
-        self._images = self.window = None
+    def _close_window(self) -> None:
+        if self.window is not None:
+            self.window.close()
+        self.window = None
 
     def close(self) -> None:
-        """Close the worlds."""
+        """Close the worlds and the window."""
         self.world.close()
-        self._close_views()
+        self._close_window()
         if self.shadow is not None:
             self.shadow.close()
 

@@ -71,7 +71,7 @@ class LaboratoryCamera:
     def _camera(self) -> ImageCamera:
         """The camera, made on its thread with the first image: most laboratories take none."""
         cell, file = self._cell, self._cell.bodies
-        return image_camera(self._config, cell.robot, file.bodies, file.radii, file.tags)
+        return image_camera(self._config, cell.robot, file.bodies, file.radii, tags=file.tags)
 
     def _look(self) -> None:
         if self._is_busy or not self._topics.wanted:
