@@ -39,7 +39,7 @@ def test_a_push_that_fails_unexpectedly_is_answered_and_the_next_one_is_executed
     assert result.after.scene_id == scene.scene_id + 1  # bodies may have moved
     graph.push(result.after, 2, AHEAD)
     assert graph.result(2).error_code == ErrorCode.OK
-    assert simulator.reception.figures["defects"] == 1
+    assert simulator.driver.reception.figures["defects"] == 1
 
 
 def test_a_push_that_is_too_large_is_answered_without_what_is_too_large(graph, simulator):

@@ -54,4 +54,4 @@ def test_a_push_that_the_world_breaks_is_refused_with_one_line(graph, simulator)
     assert refused.after.scene_id == scene.scene_id  # nothing has moved
     graph.push(scene, 2, AHEAD)
     assert graph.result(2).error_code == ErrorCode.OK
-    assert not simulator.reception.figures["defects"]
+    assert not simulator.driver.reception.figures["defects"]

@@ -87,7 +87,7 @@ def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left,
         moment["state"] = left.read_text()
         raise SystemExit
 
-    monkeypatch.setattr(node.publishing, "result", die)
+    monkeypatch.setattr(node, "_publish_result", die)
     graph.push(scene, 9, PUSH)
     with pytest.raises(SystemExit):
         graph.wait(lambda: moment, "the death")

@@ -32,7 +32,7 @@ def test_a_push_starts_from_a_scene_that_was_seen(graph, tmp_path):
     np.testing.assert_allclose(
         wire.decode_disks(scene.disks)[:, POSITION], start[:, POSITION], atol=0.001
     )
-    graph.wait(lambda: simulator.session.scene_id == scene.scene_id, "the simulator has its ids")
+    graph.wait(lambda: simulator.driver.session.scene_id == scene.scene_id, "the simulator has its ids")
     graph.push(scene, 1, (0.5, 0.0, 0.05))
     result = graph.result(1)
     assert result.error_code == ErrorCode.OK, result.error_message

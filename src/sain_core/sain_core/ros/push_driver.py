@@ -49,7 +49,8 @@ class PushDriver:
         session: the ids of episode, scene and pushes.
         now: the time of headers [s].
         answer: publishes a result.
-        conflict: with others that publish what this robot does, in words.
+        owned: topics that nobody else may publish.
+        conflict: who publishes one of them, too, in words.
         counts: of pushes.
     """
 
@@ -75,11 +76,13 @@ class PushDriver:
         self._after: SeenScene | None = None  # the latest with as many bodies
         self._push, self._began, self._ended = Push(), 0.0, 0.0
         self._doubt: BaseException | None = None  # that the stroke has moved a body
-        self.conflict, self.owned = "", ("push_result",)
+        self.conflict = ""
+        self.owned: tuple[str, ...] = ("push_result",)
         self._late = inf  # when bodies have moved for too long [s], of a steady clock
         self.counts = {"executed": 0, "refused": 0}
         self.now = now or (lambda: float(node.get_clock().now().nanoseconds * 1e-9))
-        self.answer = node.create_publisher(PushResult, "push_result", QUEUE).publish
+        results = node.create_publisher(PushResult, "push_result", QUEUE)
+        self.answer: Callable[[PushResult], None] = results.publish
         self.reception = Reception(node)
         if not sees:
             self._scenes = self.reception.listen(Scene, "scene", self._on_scene, RELIABLE)

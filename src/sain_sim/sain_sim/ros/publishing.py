@@ -1,5 +1,6 @@
 """The simulator's topics: encodes and publishes its messages."""
 
+from concurrent.futures import Future
 from math import cos, sin
 from typing import Final
 
@@ -8,27 +9,28 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
+from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from sain_core.camera.image_camera import Shot
-from sain_core.errors import ErrorCode, SainError, error_reply
-from sain_core.guarding.ros.reception import Reception, shortened
-from sain_core.guarding.session import Session
+from sain_core.errors import SainError
+from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
-from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE, TRANSFORMS
+from sain_core.ros.push_driver import PushDriver
+from sain_core.ros.qos import LATCHED, RELIABLE, TRANSFORMS
+from sain_core.ros.worker import Worker
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y, is_settled
 from sain_core.types import Scene
 from sain_core.view.scenes import bodies_in, table_top
 from sain_core.view.things import Thing
-from sain_interfaces.msg import Bodies, Prediction, Push, PushResult, WorldParameters
+from sain_interfaces.msg import Bodies, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.arm.panda import BASE_FRAME, JOINT_NAMES, Link, describe_arm, links_of
-from sain_sim.ros.simulator import SHADOW_MODEL, Pushed, Simulator
+from sain_sim.ros.simulator import Simulator
 from sain_sim.world.workcell import Sample, WorldConfig
 
 BODY_FRAME: Final = "body_{}"
@@ -109,14 +111,17 @@ def frame_prefix(node: Node, given: str) -> str:
 
 
 class Publishing:
-    """The simulator's topics."""
+    """The simulator's topics.
 
-    def __init__(
-        self, node: Node, simulator: Simulator, session: Session, reception: Reception
-    ) -> None:
+    Attributes:
+        sample: the world as it is between two pushes.
+        settled: its scene, which the next push must name.
+    """
+
+    def __init__(self, node: Node, simulator: Simulator, driver: PushDriver) -> None:
         """Create the publishers."""
-        self._simulator = simulator
-        self._session = session
+        self._node, self._simulator = node, simulator
+        self._driver, self._session = driver, driver.session
         self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
         self._shapes = (
@@ -125,7 +130,6 @@ class Publishing:
         self._scene = None
         if simulator.config.scenes:
             self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
-        self._result = node.create_publisher(PushResult, "push_result", QUEUE)
         self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
         self._markers = MarkerBoard(node, "markers")
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
@@ -136,7 +140,7 @@ class Publishing:
         self._transforms.describe(self.now(), self.images.transform(self.now()))
         self._next_shot = 0.0  # [s], simulated
         self._diagnostics = Diagnostics(
-            node, "simulation", now=self.now, more=lambda: reception.figures
+            node, "simulation", now=self.now, more=lambda: driver.reception.figures
         )
 
     def now(self) -> Time:
@@ -145,14 +149,13 @@ class Publishing:
 
     def take(self, sample: Sample) -> None:
         """Take the world as it is for the settled one, which the next push must name."""
-        self.sample = sample
-        self.settled = self._scene_message(sample, settled=bool(is_settled(sample.scene)))
+        self.sample, self.settled = sample, self.scene_message(sample)
+        self._driver.set_scene(self.settled, self._simulator.parameters.bodies)
 
-    def settle(self, sample: Sample) -> None:
-        """Publish a new settled world."""
+    def settle(self) -> None:
+        """Publish a settled world that is new."""
         if self._simulator.camera_timer is not None:
             self._simulator.camera_timer.renew()
-        self.take(sample)
         self.state()
 
     def state(self) -> None:
@@ -161,15 +164,36 @@ class Publishing:
 
     def moving(self, sample: Sample) -> None:
         """Publish a world that moves, and what its camera sees."""
-        self._state(sample, self._scene_message(sample, settled=False))
+        self._state(sample, self._encode(sample.scene, self.now(), settled=False))
         if (timer := self._simulator.camera_timer) is not None:
             timer.observe_moving(sample)
             self._frames(settled=False)
         now = self._simulator.pacer.now
         if self.images.wanted and now >= self._next_shot:
-            self.shot(self._simulator.shoot(sample), self.now())
+            self._shot(self._simulator.shoot(sample), self.now())
 
-    def shot(self, shot: Shot, stamp: Time) -> None:
+    def look(self, worker: Worker) -> None:
+        """Take images of bodies at rest, if somebody wants any; time goes on."""
+        if worker.pending or not self.images.wanted:
+            return
+        simulator, sample = self._simulator, self.sample
+        if simulator.config.real_time_factor > 0.0:
+            simulator.pacer.idle()
+        else:
+            simulator.pacer.skip(1.0 / simulator.config.images.rate)
+        self.tick()
+        stamp = self.now()
+
+        def publish(done: "Future[Shot]") -> None:
+            if isinstance(error := done.exception(), SainError):
+                text = f"no images: {shortened(str(error))}"
+                self._node.get_logger().error(text, throttle_duration_sec=10.0)
+            else:
+                self._shot(done.result(), stamp)
+
+        worker.submit(lambda: simulator.shoot(sample), publish)
+
+    def _shot(self, shot: Shot, stamp: Time) -> None:
         """Publish images that were taken at a time."""
         self._next_shot = self._simulator.pacer.now + 1.0 / self._simulator.config.images.rate
         self.images.publish(shot, stamp)
@@ -184,9 +208,9 @@ class Publishing:
         if timer is not None and timer.observe(self.sample):
             self._frames(settled=True)
 
-    def _scene_message(self, sample: Sample, settled: bool) -> SceneMessage:
-        """Return the scene with the ids of this moment."""
-        return self._encode(sample.scene, self.now(), settled)
+    def scene_message(self, sample: Sample) -> SceneMessage:
+        """Return the scene of a world that rests, with the ids of this moment."""
+        return self._encode(sample.scene, self.now(), bool(is_settled(sample.scene)))
 
     def _encode(self, scene: Scene, stamp: Time, settled: bool) -> SceneMessage:
         ids = {"episode_id": self._session.episode_id, "scene_id": self._session.scene_id}
@@ -227,7 +251,7 @@ class Publishing:
             self._shapes.publish(codec.encode_bodies(parameters.bodies, radii, **ids))
         self._world.publish(
             WorldParameters(
-                header=self._header(),
+                header=codec.header(self.now()),
                 episode_id=episode_id,
                 seed=begun.seed,
                 world=(begun.world or simulator.config.world) + simulator.within,
@@ -240,67 +264,20 @@ class Publishing:
             )
         )
 
-    def executed(self, push: Push, pushed: Pushed) -> PushResult:
-        """Return the result of an executed push, and take the world after it."""
-        message = self._reply(push, ErrorCode.OK, "")
-        message.before = self.settled
-        self.take(pushed.sample)
-        message.after = self.settled
-        message.duration = pushed.outcome.duration
-        message.wall_time = pushed.wall_time
-        message.prediction = _prediction(pushed.predicted)
-        return message
-
-    def result(self, message: PushResult) -> None:
-        """Publish the result of a push."""
-        self._result.publish(message)
-
-    def refusal(self, push: Push, error: BaseException) -> None:
-        """Publish why a push was refused; the scene is unchanged."""
-        code, text = error_reply(error)
-        message = self._reply(push, code, shortened(text))
-        message.before = message.after = self.settled
-        self._result.publish(message)
-
-    def _reply(self, push: Push, code: int, text: str) -> PushResult:
-        return PushResult(
-            header=self._header(),
-            push_id=push.push_id,
-            episode_id=push.episode_id,
-            error_code=int(code),
-            error_message=text,
-            push=push,
-        )
-
-    def report(self, conflict: str, counts: dict[str, int]) -> None:
-        """Report the state of the simulator, a conflict first, and so many pushes of each kind."""
+    def report(self) -> None:
+        """Report the state of the simulator, a conflict first."""
         session, config = self._session, self._simulator.config
-        ids = {"episode": session.episode_id, "scene": session.scene_id}
         figures = {
             "engine": config.engine,
             "bottom": self._simulator.parameters.bottom,
-            **ids,
-            **counts,
+            "episode": session.episode_id,
+            "scene": session.scene_id,
+            **self._driver.counts,
         }
-        if conflict:
+        if conflict := self._driver.conflict:
             self._diagnostics.set(ERROR, conflict, **figures)
         elif not session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"
             self._diagnostics.set(WARN, message, **figures)
         else:
             self._diagnostics.set(OK, "simulating", **figures)
-
-    def _header(self) -> Header:
-        return codec.header(self.now())
-
-
-def _prediction(predicted: Scene | SainError | None) -> Prediction:
-    """Return the shadow world's prediction of a push, or its error; empty for None."""
-    if predicted is None:
-        return Prediction()
-    message = Prediction(model=SHADOW_MODEL, error_code=int(ErrorCode.OK))
-    if isinstance(predicted, SainError):
-        message.error_code, message.error_message = error_reply(predicted)
-    else:
-        message.disks = codec.encode_disks(predicted)
-    return message

@@ -1,139 +1,106 @@
-"""The simulator node: executes pushes, one at a time, and publishes each result."""
+"""The simulator node: a robot whose cell is simulated in this process, with a reset and a clock."""
 
-from collections.abc import Sequence
 from concurrent.futures import Future
-from typing import Any
+from time import monotonic
+from typing import Any, Final
 
-from builtin_interfaces.msg import Time
-from rclpy.node import Node
-
+from sain_arm.planning import push_events as events
+from sain_arm.planning.push_events import ArmState, Ended, Ending, Phase
+from sain_arm.planning.push_execution import PushExecution
+from sain_arm.planning.push_planner import PushPlan
+from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Vector
+from sain_arm.ros.pushing_node import PushingNode
 from sain_core import wire
-from sain_core.camera.image_camera import Shot
-from sain_core.errors import BusyError, CancelledError, SainError
-from sain_core.guarding.ros.ownership import find_second_publisher, lock_namespace
-from sain_core.guarding.ros.reception import Reception, introspect, shortened
-from sain_core.guarding.session import Session
-from sain_core.ros.node_main import NAMESPACE, steady_timer
+from sain_core.errors import CancelledError, ErrorCode, SainError, UnreachableError
+from sain_core.feasibility import Stroke
+from sain_core.ros.node_main import steady_timer
 from sain_core.ros.parameters import read_parameters
-from sain_core.ros.qos import QUEUE, RELIABLE
-from sain_core.ros.worker import Worker
-from sain_core.types import Scene
+from sain_core.ros.push_driver import PushDriver
+from sain_core.ros.qos import RELIABLE
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.msg import Scene as SceneMessage
-from sain_interfaces.srv import ResetScene
+from sain_sim.ros.episodes import Episodes
 from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.resumption import Resumption
-from sain_sim.ros.simulator import Pushed, Simulator, SimulatorConfig
+from sain_sim.ros.simulator import Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
 
-LOOK_AGAIN = 0.1  # [s] between looks for those who listened before a crash
-OWNED = ("push_result", "/clock")
-SCENES = ("scene", "shapes")  # owned by a node that sees the bodies, if there is one
-REPORT = 0.5  # [s] between looks for other publishers of these
+REPORT: Final = 0.5  # [s] between two looks at the state
 
 
-class SimNode(Node):
+class SimNode(PushingNode):
     """Runs the truth world: physics on a worker thread, all else on the executor's."""
 
     def __init__(self, **options: Any) -> None:
         """Build the worlds and start the first episode."""
-        super().__init__("sim_node", namespace=NAMESPACE, **options)
-        config = read_parameters(self, SimulatorConfig)
-        self._release = lock_namespace(self)
-        self._owned = (*SCENES, *OWNED) if config.scenes else OWNED
-        self._closing, self.counts = False, {"executed": 0, "refused": 0}
-        self.session, self.pacer = Session(), Pacer(config.real_time_factor)
-        self.worker = Worker(self, "physics")
+        super().__init__("sim_node", "physics", **options)
+        self._closing, config = False, read_parameters(self, SimulatorConfig)
+        cell, self.pacer = config.bullet, Pacer(config.real_time_factor)
+        self.execution = PushExecution(cell.motion, cell.feasibility.limits.clearance)
+        self.driver = driver = PushDriver(
+            self, self.begin, cell.feasibility, sees=True, now=lambda: self.pacer.now
+        )
+        driver.owned += ("/clock", "scene", "shapes") if config.scenes else ("/clock",)
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
-        self.reception = reception = Reception(self)
-        self.publishing = Publishing(self, self.simulator, self.session, reception)
-        self.resumption = Resumption(self, config.state_file, self.session, self.pacer)
-        self._begin()
-        reception.listen(Push, "push", self._on_push, QUEUE, self._refuse)
-        resetting = reception.serve(ResetScene, "reset_scene", self._on_reset)
-        introspect(self, resetting, config.service_introspection)
+        self.publishing = publishing = Publishing(self, self.simulator, driver)
+        self.episodes = Episodes(self, self.simulator, self.worker, publishing, driver)
+        self._publish_result, driver.answer = driver.answer, self._answer
+        self._push: Push | None = None  # under way
+        self._joints = publishing.sample.joint_positions
+        self.update(events.ReachFound())
         if not config.scenes:
-            reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
+            driver.reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
         steady_timer(self, 1 / config.images.rate / (config.real_time_factor or 1), self._on_image)
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
-        steady_timer(self, REPORT, self._report)
+        steady_timer(self, REPORT, publishing.report)
         if (timer := self.simulator.camera_timer) is not None:
             steady_timer(self, timer.timer_period, self._on_frame)
         self.ready = f"a {config.world} world{self.simulator.within} with {self.simulator.what}"
 
-    def _begin(self) -> None:
-        """Start the first episode, or go on where another process was left."""
-        if (request := self.resumption.resume()) is None:
-            self._reset(ResetScene.Request(seed=self.simulator.config.seed))
+    def begin(self, push: Push, stroke: Stroke) -> None:
+        """Take a push; it is kept, so that it is answered also after a crash."""
+        self.episodes.check_begun()
+        self.pacer.idle()
+        self._push, self._joints = push, self.publishing.sample.joint_positions
+        self.episodes.keep(push)
+        super().begin(push, stroke)
+
+    def arm_state(self) -> ArmState:
+        """Return the state of the arm, which follows each goal to its end."""
+        now = monotonic()
+        return ArmState(now, self.pacer.now, self._joints, stamp=now, changed=now, still=True)
+
+    def plan_push(self, stroke: Stroke, joints: Vector) -> PushPlan:
+        """Plan a stroke; one without length is made with it."""
+        if stroke.length == 0.0:
+            self._pushed = self._carry_out()
+        return self.simulator.plan(stroke)
+
+    def plan_way(self, wanted: events.PlanRetreat | events.PlanHome) -> Trajectory:
+        """Refuse: the arm leaves each stroke by itself."""
+        raise UnreachableError(f"a simulated arm has no way of its own for {wanted}")
+
+    def show(self, plan: PushPlan) -> None:
+        """Show nothing: viewers see the arm."""
+
+    def send(self, goal: events.Send) -> None:
+        """Have the arm follow a goal; the world shows the approach with the stroke."""
+        if self.phase is Phase.APPROACHES:
+            self._end(goal)
         else:
-            self.publishing.take(self._place(request))
-            steady_timer(self, LOOK_AGAIN, self._look_for_listeners)
+            self.worker.submit(self._carry_out, lambda done: self._on_pushed(goal, done))
 
-    def _look_for_listeners(self) -> None:
-        """Publish all again, once they listen again, that somebody may not have received."""
-        if not self.resumption.waits or not self.resumption.all_listen():
-            return
-        if (unsent := self.resumption.unsent) is not None:
-            self.publishing.result(unsent)
-        self._announce(self.publishing.sample)
-        if (lost := self.resumption.lost) is not None:
-            text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
-            self._refuse(lost, CancelledError(text))
+    def cancel(self, why: str) -> None:
+        """Refuse: a simulated arm is always enabled."""
+        raise AssertionError(why)
 
-    def _on_reset(
-        self, request: ResetScene.Request, response: ResetScene.Response
-    ) -> ResetScene.Response:
-        try:
-            self._reset(request)
-        except SainError as error:
-            self.get_logger().warning(f"reset refused: {shortened(str(error))}")
-            raise
-        finally:
-            response.scene = self.publishing.settled
-        return response
-
-    def _reset(self, request: ResetScene.Request) -> None:
-        self.session.check_idle()
-        sample = self._place(request)
-        self.session.begin_episode()
-        self._announce(sample)
-
-    def _place(self, request: ResetScene.Request) -> Sample:
-        """Bring the world to where a request has it."""
-        scene = _bodies(request.disks, "scene of the reset")
-        shapes, roles = tuple(request.shapes), tuple(request.roles)
-        given = request.seed, request.world, scene, shapes, request.friction, roles
-        self.pacer.idle()
-        sample = self.worker.call(lambda: self.simulator.reset(*given))
-        self.begun = request
-        return sample
-
-    def _announce(self, sample: Sample) -> None:
-        """Publish all about an episode from its start."""
-        self.resumption.waits = False
-        self.publishing.episode(self.begun)
-        self.publishing.take(sample)
-        self._keep()
-        self.publishing.settle(sample)
-
-    def _keep(self, push: Push | None = None, unsent: PushResult | None = None) -> None:
-        """Keep what it takes to go on from here; with the push that is begun, or its result."""
-        scene, friction = self.publishing.sample.scene, self.simulator.parameters.friction
-        self.resumption.keep(self.begun, scene, friction, push, unsent)
-
-    def _on_push(self, message: Push) -> None:
-        push = wire.decode_push(message)
-        seen = _bodies(message.disks, "scene of the push")
-        if self.resumption.waits:
-            raise BusyError("the simulator goes on after a crash; send the push anew later")
-        self.session.admit(message.push_id, message.episode_id, message.scene_id)
-        self.pacer.idle()
-        self._keep(message)
-        self.worker.submit(
-            lambda: self.simulator.push(push, self._on_sample, seen),
-            lambda done: self._on_pushed(message, done),
-        )
+    def _carry_out(self) -> tuple[Sample, PushResult]:
+        """Make the push that is under way, on the worker's thread."""
+        assert self._push is not None
+        disks = self._push.disks
+        seen = wire.decode_disks(disks, "scene of the push") if disks else None
+        return self.simulator.push(wire.decode_push(self._push), self._on_sample, seen)
 
     def _on_sample(self, sample: Sample) -> None:
         """Publish a moving world, on the worker's thread: the executor publishes no states then."""
@@ -141,87 +108,71 @@ class SimNode(Node):
             raise CancelledError("the simulator is being stopped")
         self.publishing.moving(sample)
 
-    def _on_pushed(self, message: Push, done: "Future[Pushed]") -> None:
+    def _on_pushed(self, goal: events.Send, done: "Future[tuple[Sample, PushResult]]") -> None:
         error = done.exception()
-        self.session.finish(executed=not isinstance(error, SainError))
-        if isinstance(error, SainError):
-            self._keep()
-            self._refuse(message, error)
-        elif error is not None:  # where nothing should fail: bodies may have moved
-            self.reception.log_defect(error)
-            self.publishing.settle(self.worker.call(self.simulator.observe))
-            self._refuse(message, error)
-        else:
-            pushed = done.result()
-            self.counts["executed"] += 1
-            result = self.publishing.executed(message, pushed)
-            self._keep(None, result)  # before it is published: a result is never taken back
-            self.publishing.result(result)
-            self._keep()
-            self.publishing.settle(pushed.sample)
+        if error is None:
+            self._pushed = done.result()
+            self._end(goal)
+            return
+        if not isinstance(error, SainError):  # where nothing should fail: bodies may have moved
+            self.driver.reception.log_defect(error)
+            self.driver.session.finish(executed=True)
+            self.publishing.take(self.worker.call(self.simulator.observe))
+            self.publishing.settle()
+        self.update(events.SendRefused(error))
 
-    def _refuse(self, message: Push, error: BaseException) -> None:
-        self.counts["refused"] += 1
-        self.get_logger().warning(
-            f"push {message.push_id} from {message.source!r} refused: {shortened(str(error))}"
-        )
-        self.publishing.refusal(message, error)
+    def _end(self, goal: events.Send) -> None:
+        self._joints = goal.trajectory.positions[-1]
+        self.update(events.GoalEnded(Ending(Ended.SUCCEEDED)))
+
+    def answer_executed(self, doubt: CancelledError | None) -> None:
+        """Answer with the world as it is after the push."""
+        sample, measured = self._pushed
+        self.driver.finish(self.pacer.now)
+        self.driver.conclude(self.publishing.scene_message(sample), measured)
+
+    def _answer(self, result: PushResult) -> None:
+        """Publish a result; what a push led to is kept before: a result is never taken back."""
+        if self._push is None or self.driver.session.busy:  # of a push that was not begun
+            self._publish_result(result)
+            return
+        self._push = None
+        if result.error_code != ErrorCode.OK:
+            self.episodes.keep()
+            self._publish_result(result)
+            return
+        self.publishing.take(self._pushed[0])
+        self.episodes.keep(unsent=result)
+        self._publish_result(result)
+        self.episodes.keep()
+        self.publishing.settle()
 
     def _on_frame(self) -> None:
         """Take and publish a frame of bodies at rest."""
-        if not self.session.busy:
+        if not self.driver.session.busy:
             self.publishing.frame()
 
     def _on_scene(self, message: SceneMessage) -> None:
         """Take up the ids of the scenes that somebody else publishes: pushes have these."""
-        ids = message.episode_id, message.scene_id
-        if not self.session.busy and ids != (self.session.episode_id, self.session.scene_id):
-            self.session.go_on_from(*ids)
+        session, ids = self.driver.session, (message.episode_id, message.scene_id)
+        if not session.busy and ids != (session.episode_id, session.scene_id):
+            session.go_on_from(*ids)
             self.publishing.take(self.publishing.sample)
 
     def _on_image(self) -> None:
-        """Take images of bodies at rest, if somebody wants any; time goes on."""
-        busy = self.session.busy or self.worker.pending or self.resumption.waits
-        if busy or not self.publishing.images.wanted:
-            return
-        config = self.simulator.config
-        if config.real_time_factor > 0.0:
-            self.pacer.idle()
-        else:
-            self.pacer.skip(1.0 / config.images.rate)
-        self.publishing.tick()
-        sample, stamp = self.publishing.sample, self.publishing.now()
-        self.worker.submit(
-            lambda: self.simulator.shoot(sample), lambda done: self._on_shot(done, stamp)
-        )
-
-    def _on_shot(self, done: "Future[Shot]", stamp: Time) -> None:
-        error = done.exception()
-        if isinstance(error, SainError):
-            text = f"no images: {shortened(str(error))}"
-            self.get_logger().error(text, throttle_duration_sec=10.0)
-        else:
-            self.publishing.shot(done.result(), stamp)
+        if self.episodes.rests:
+            self.publishing.look(self.worker)
 
     def _on_idle(self) -> None:
-        if self.resumption.waits:
-            return
-        self.resumption.look_around()
-        if not self.session.busy:
+        self.episodes.look_around()
+        if self.episodes.rests:
             self.pacer.idle()
             self.publishing.take(self.publishing.sample)
             self.publishing.state()
-
-    def _report(self) -> None:
-        self.publishing.report(find_second_publisher(self, self._owned), self.counts)
 
     def destroy_node(self) -> None:
         """Stop a push that is under way, and close the worlds."""
         self._closing = True
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
-        self._release()
-
-
-def _bodies(disks: Sequence[Any], name: str) -> Scene | None:
-    return wire.check_bodies(wire.decode_disks(disks, name), name) if disks else None
+        self.driver.release_namespace()

@@ -4,20 +4,23 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from time import perf_counter
-from typing import NamedTuple
 
 import numpy as np
 
+from sain_arm.planning.push_planner import PushPlan
+from sain_arm.planning.timing import PERIOD, Trajectory
 from sain_arm.robot.robot import Robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
-from sain_core.errors import InvalidInputError, SainError
+from sain_core.errors import ErrorCode, InvalidInputError, SainError, error_reply
+from sain_core.feasibility import Stroke
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.randomness import generator
+from sain_core.ros import codec
 from sain_core.scene import RADIUS, Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import Outcome
+from sain_interfaces.msg import Prediction, PushResult
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.renderer import Renderer, image_camera, paper_arm
 from sain_sim.camera.window import Window
@@ -68,15 +71,6 @@ class SimulatorConfig(TruthConfig):
     )
     camera: WorldCameraConfig = WorldCameraConfig()
     images: ImageCameraConfig = ImageCameraConfig()
-
-
-class Pushed(NamedTuple):
-    """An executed push."""
-
-    outcome: Outcome
-    sample: Sample  # after it
-    wall_time: float  # [s]
-    predicted: Scene | SainError | None  # by the shadow world, or why not; None: there is none
 
 
 class Simulator:
@@ -150,13 +144,24 @@ class Simulator:
         scene = self.parameters.scene(np.zeros((self.parameters.count, 2)))
         return tuple(self.camera.measured(scene)[:, RADIUS].tolist())
 
+    def plan(self, stroke: Stroke) -> PushPlan:
+        """Return the arm's motion for a stroke, which `push` makes."""
+        del stroke  # the world plans by itself
+        still = np.repeat(self.world.sample().joint_positions[None], 2, axis=0)
+        way = Trajectory(np.array([0.0, PERIOD]), still, np.zeros_like(still))
+        return PushPlan(way, way, (0.0, PERIOD))
+
     def push(
         self,
         push: PushArray,
         on_sample: Callable[[Sample], None],
         seen: Scene | None = None,
-    ) -> Pushed:
-        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors."""
+    ) -> tuple[Sample, PushResult]:
+        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors.
+
+        Returns:
+            The world after it, and a result with its duration, wall time and prediction.
+        """
         predict = cache(partial(self._predict, self.world.observe(), push))
 
         def show(sample: Sample) -> None:
@@ -169,15 +174,20 @@ class Simulator:
         outcome = self.world.push(push, on_step=show, every=self._every, seen=seen)
         if self.camera is not None:
             self.camera.count_push()
-        return Pushed(outcome, self.observe(), perf_counter() - begun, predict())
+        sample, wall_time = self.observe(), perf_counter() - begun
+        measured = PushResult(duration=outcome.duration, wall_time=wall_time, prediction=predict())
+        return sample, measured
 
-    def _predict(self, scene: Scene, push: PushArray) -> Scene | SainError | None:
+    def _predict(self, scene: Scene, push: PushArray) -> Prediction:
+        """Return the shadow world's prediction of a push, or its error; empty: there is none."""
         if self.shadow is None:
-            return None
+            return Prediction()
+        message = Prediction(model=SHADOW_MODEL, error_code=int(ErrorCode.OK))
         try:
-            return self.shadow.step(scene[None], push[None])[0]
+            message.disks = codec.encode_disks(self.shadow.step(scene[None], push[None])[0])
         except SainError as error:
-            return error
+            message.error_code, message.error_message = error_reply(error)
+        return message
 
     def shoot(self, sample: Sample) -> Shot:
         """Return images of a world, as its camera takes them."""
