@@ -40,7 +40,7 @@ SPEED: Final = 3.0  # simulated time by shown time
 RATE: Final = 12.0  # [Hz], of pictures
 HOLD: Final = 2.0  # [s] that the last picture stands
 CAMERA: Final = ImageCameraConfig(  # where the arm rarely hides the target or the goal
-    width=480, height=360, eye=(1.54, -0.34, 1.22), focus=(0.45, 0.0, 0.14), field_of_view=36.0
+    width=480, height=360, eye=(1.75, -0.5, 1.2), focus=(0.42, 0.02, 0.16), field_of_view=36.0
 )
 LONGEST: Final = 60  # pictures at most; a longer episode is shown faster
 SAMPLES: Final = 8  # pictures that the common palette is made from

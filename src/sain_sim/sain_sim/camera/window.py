@@ -9,7 +9,7 @@ import numpy as np
 from sain_arm.robot.robot import Vector
 from sain_core.errors import ConfigError
 from sain_core.types import Scene
-from sain_sim.camera.renderer import Renderer
+from sain_sim.camera.renderer import AMBIENT, DIRECT, Renderer
 
 
 class Window:
@@ -26,6 +26,8 @@ class Window:
         from mujoco import viewer  # needs a display
 
         self._renderer, camera, before = renderer, renderer.camera, set(threading.enumerate())
+        lamp = renderer.model.vis.headlight
+        lamp.ambient[:], lamp.diffuse[:] = AMBIENT, DIRECT
         self._viewer = viewer.launch_passive(
             renderer.model, renderer.data, show_left_ui=False, show_right_ui=False
         )
