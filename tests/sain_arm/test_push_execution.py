@@ -151,7 +151,7 @@ def test_a_whole_push_is_two_goals_and_one_answer() -> None:
     assert one.update(ReachFound(), at()) == []
     (plan,) = one.update(PushOrdered(STROKE), at())
     assert isinstance(plan, PlanPush)
-    _, approach = one.update(PushPlanned(PLAN), at())
+    (approach,) = one.update(PushPlanned(PLAN), at())
     assert (approach.trajectory, approach.touches) == (PLAN.approach, True)
     assert one.update(GoalEnded(SUCCEEDED), at(HOME)) == []  # the joints do not say so yet
     (stroke,) = one.update(TimePassed(), at(BESIDE))

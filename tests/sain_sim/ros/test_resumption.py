@@ -9,7 +9,7 @@ from sain_core import wire
 from sain_core.errors import DatasetError, ErrorCode
 from sain_core.guarding.ros.state_file import StateFile, text_of
 from sain_core.scene import POSE
-from sain_sim.ros.resumption import LeftEpisode
+from sain_sim.ros.episodes import LeftEpisode
 from sain_sim.ros.sim_node import SimNode
 
 PUSH = (0.0, 0.0, 0.08)
@@ -87,7 +87,7 @@ def test_a_result_is_told_though_its_simulator_died_before_it_could(graph, left,
         moment["state"] = left.read_text()
         raise SystemExit
 
-    monkeypatch.setattr(node, "_publish_result", die)
+    monkeypatch.setattr(node.episodes, "_publish", die)
     graph.push(scene, 9, PUSH)
     with pytest.raises(SystemExit):
         graph.wait(lambda: moment, "the death")

@@ -32,7 +32,8 @@ def test_a_push_starts_from_a_scene_that_was_seen(graph, tmp_path):
     np.testing.assert_allclose(
         wire.decode_disks(scene.disks)[:, POSITION], start[:, POSITION], atol=0.001
     )
-    graph.wait(lambda: simulator.driver.session.scene_id == scene.scene_id, "the simulator has its ids")
+    session = simulator.driver.session
+    graph.wait(lambda: session.scene_id == scene.scene_id, "the simulator has its ids")
     graph.push(scene, 1, (0.5, 0.0, 0.05))
     result = graph.result(1)
     assert result.error_code == ErrorCode.OK, result.error_message

@@ -161,13 +161,6 @@ class PlanHome:
 
 
 @dataclass(frozen=True)
-class ShowPlan:
-    """Show a plan; nothing moves by it."""
-
-    plan: PushPlan
-
-
-@dataclass(frozen=True)
 class Send:
     """Send a goal. One that `touches` leads to a body: all bodies must be seen where they were."""
 
@@ -208,5 +201,5 @@ Event = (
     PushOrdered | ReachFound | PushPlanned | WayPlanned | GoalEnded | SendRefused | TimePassed
 )  # fmt: skip
 Action = (
-    PlanPush | PlanRetreat | PlanHome | ShowPlan | Send | Cancel | Executed | Refused | Say
+    PlanPush | PlanRetreat | PlanHome | Send | Cancel | Executed | Refused | Say
 )  # fmt: skip

@@ -144,14 +144,13 @@ class PushExecution:
             return []
         if isinstance(plan, BaseException):
             return self._refuse(plan)
-        shown: list[Action] = [events.ShowPlan(plan)]
         if self._dry_run:
             text = "a dry run: the way is possible; nothing was moved"
-            return shown + self._refuse(CancelledError(text))
+            return self._refuse(CancelledError(text))
         if self._stroke.length == 0.0:
-            return shown + self._conclude()
+            return self._conclude()
         self._plan, self.phase = plan, Phase.APPROACHES
-        return shown + self._send(plan.approach, arm, touches=True)
+        return self._send(plan.approach, arm, touches=True)
 
     # --- motion ---------------------------------------------------------------------------------
 

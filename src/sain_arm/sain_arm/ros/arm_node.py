@@ -13,14 +13,13 @@ from sain_arm.planning.push_events import ArmState, Ended, Ending, Phase
 from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import Vector, read_robot
+from sain_arm.robot.robot import read_robot
 from sain_arm.ros.enabling import EnableListener
 from sain_arm.ros.ghost import Ghost
 from sain_arm.ros.joint_listener import JointListener
-from sain_arm.ros.pushing_node import LOOK, PushingNode
+from sain_arm.ros.pushing_node import LOOK, PushingNode, Wanted
 from sain_arm.ros.trajectory_client import TrajectoryClient
-from sain_core.errors import BusyError, CancelledError, SainError
-from sain_core.feasibility import Stroke
+from sain_core.errors import BusyError, SainError
 from sain_core.guarding.ros.reception import take_waiting
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
@@ -89,25 +88,21 @@ class ArmNode(PushingNode):
         if not message.data:
             self.update(events.TimePassed())  # a goal under way is cancelled at once
 
-    def plan_push(self, stroke: Stroke, joints: Vector) -> PushPlan:
-        """Plan a stroke among the bodies of its episode."""
+    def plan(self, wanted: Wanted) -> PushPlan | Trajectory:
+        """Plan a push among the bodies of its episode, and show it; or the way up or home."""
+        if isinstance(wanted, events.PlanRetreat):
+            return self._planner.retreat(wanted.joints)
+        if isinstance(wanted, events.PlanHome):
+            assert self.driver.scene is not None
+            return self._planner.home(self.driver.scene, wanted.joints, wanted.turn)
         scene, bodies = self.driver.before
         radii = tuple(scene[:, RADIUS].tolist())
         if self._planned_for != (bodies, radii):
             self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)
             self._planned_for = bodies, radii
-        return self._planner.plan(stroke, scene, joints)
-
-    def plan_way(self, wanted: events.PlanRetreat | events.PlanHome) -> Trajectory:
-        """Plan the way straight up, or home above the bodies as they were seen last."""
-        if isinstance(wanted, events.PlanRetreat):
-            return self._planner.retreat(wanted.joints)
-        assert self.driver.scene is not None
-        return self._planner.home(self.driver.scene, wanted.joints, wanted.turn)
-
-    def show(self, plan: PushPlan) -> None:
-        """Show a plan as a ghost."""
+        plan = self._planner.plan(wanted.stroke, scene, wanted.joints)
         self.ghost.show(self._planner.arm, plan)
+        return plan
 
     def send(self, goal: events.Send) -> None:
         """Send a goal; one that leads to a body only where the bodies are seen where they were."""
@@ -125,10 +120,6 @@ class ArmNode(PushingNode):
     def cancel(self, why: str) -> None:
         """Have the controller stop."""
         self.client.cancel(why)
-
-    def answer_executed(self, doubt: CancelledError | None) -> None:
-        """Answer once the bodies are at rest."""
-        self.driver.finish(self.driver.now(), doubt)
 
     def _report(self) -> None:
         problem = self.driver.reception.trouble or self.client.missing

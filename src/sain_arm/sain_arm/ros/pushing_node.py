@@ -7,10 +7,10 @@ its trajectories.
 
 from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import Any, Final, TypeVar
+from functools import partial
+from typing import Any, Final
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
@@ -21,7 +21,6 @@ from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import Vector
 from sain_core.errors import CancelledError
 from sain_core.feasibility import ReachTable, Stroke
 from sain_core.ros import codec
@@ -34,11 +33,11 @@ from sain_interfaces.msg import Push
 LOOK: Final = 0.02  # [s] between looks at the arm
 REACH: Final = OccupancyGrid, "reach_table", LATCHED
 
-Planned = TypeVar("Planned")
+Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome
 
 
 class PushingNode(Node, ABC):
-    """Carries out one push at a time.
+    """Carries out one push at a time. What is abstract, a robot adds.
 
     Attributes:
         execution: the state machine.
@@ -61,23 +60,13 @@ class PushingNode(Node, ABC):
         """What the arm does."""
         return self.execution.phase
 
-    # --- what a robot adds ----------------------------------------------------------------------
-
     @abstractmethod
     def arm_state(self) -> ArmState:
         """Return the state of the arm now, by all that has come."""
 
     @abstractmethod
-    def plan_push(self, stroke: Stroke, joints: Vector) -> PushPlan:
-        """Plan a stroke from where the arm has joints (J,), on the worker's thread."""
-
-    @abstractmethod
-    def plan_way(self, wanted: events.PlanRetreat | events.PlanHome) -> Trajectory:
-        """Plan the way up or home, on the worker's thread."""
-
-    @abstractmethod
-    def show(self, plan: PushPlan) -> None:
-        """Show a plan; nothing moves by it."""
+    def plan(self, wanted: Wanted) -> PushPlan | Trajectory:
+        """Plan a push, or the way up or home, on the worker's thread."""
 
     @abstractmethod
     def send(self, goal: events.Send) -> None:
@@ -87,15 +76,13 @@ class PushingNode(Node, ABC):
     def cancel(self, why: str) -> None:
         """Have the arm stop."""
 
-    @abstractmethod
     def answer_executed(self, doubt: CancelledError | None) -> None:
         """Answer that the push was executed; with a doubt, if a body is seen to have moved."""
+        self.driver.finish(self.driver.now(), doubt)
 
     def begin(self, push: Push, stroke: Stroke) -> None:
         """Take a push with its stroke; what it raises refuses the push."""
         self.update(events.PushOrdered(stroke))
-
-    # --- events and actions ---------------------------------------------------------------------
 
     def update(self, event: Event) -> None:
         """Take an event, and do what follows; one that comes meanwhile is taken after it."""
@@ -113,12 +100,8 @@ class PushingNode(Node, ABC):
 
     def _do(self, action: Action) -> None:
         match action:
-            case events.PlanPush(stroke, joints):
-                self._submit(lambda: self.plan_push(stroke, joints), events.PushPlanned)
-            case events.PlanRetreat() | events.PlanHome():
-                self._submit(lambda: self.plan_way(action), events.WayPlanned)
-            case events.ShowPlan(plan):
-                self.show(plan)
+            case events.PlanPush() | events.PlanRetreat() | events.PlanHome():
+                self.worker.submit(lambda: self.plan(action), partial(self._take_plan, action))
             case events.Send():
                 self.send(action)
             case events.Cancel(why):
@@ -131,20 +114,12 @@ class PushingNode(Node, ABC):
                 log = self.get_logger()
                 log.error(text) if is_error else log.warning(text)
 
-    def _submit(
-        self, work: Callable[[], Planned], event: Callable[[Planned | BaseException], Event]
-    ) -> None:
-        """Plan on the worker's thread; the event brings the plan, or why there is none."""
-
-        def take(done: "Future[Planned]") -> None:
-            error = done.exception()
-            if error is not None:
-                self.driver.reception.log_defect(error)
-            self.update(event(done.result() if error is None else error))
-
-        self.worker.submit(work, take)
-
-    # --- reach ----------------------------------------------------------------------------------
+    def _take_plan(self, wanted: Wanted, done: "Future[Any]") -> None:
+        """Go on with a plan, or why there is none."""
+        if (error := done.exception()) is not None:
+            self.driver.reception.log_defect(error)
+        planned = events.PushPlanned if isinstance(wanted, events.PlanPush) else events.WayPlanned
+        self.update(planned(done.result() if error is None else error))
 
     def find_reach(self, planner: PushPlanner) -> None:
         """Publish where the arm reaches, and take pushes, once that is computed."""

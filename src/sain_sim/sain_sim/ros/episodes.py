@@ -1,13 +1,16 @@
-"""The episodes of a simulator: resets, and how one goes on where another process crashed."""
+"""The episodes of a simulator: how one begins, and how it goes on where another process crashed."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from rclpy.node import Node
 
 from sain_core import wire
-from sain_core.errors import BusyError, CancelledError, SainError
+from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError
 from sain_core.guarding.ros.reception import introspect, shortened
+from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
+from sain_core.ros import codec
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.worker import Worker
@@ -15,15 +18,75 @@ from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.resumption import Resumption
 from sain_sim.ros.simulator import Simulator
 from sain_sim.world.workcell import Sample
 
 LOOK_AGAIN: Final = 0.1  # [s] between looks for those who listened before a crash
+HEARD: Final = "push_result"  # by all who follow an episode
+LATEST: Final = 2.0**31 - 1e5  # [s], simulated: stamps hold 32 bits
+LOST_TIME: Final = 60.0  # [s], simulated: the clock had gone on, and never goes back
+
+
+@dataclass(frozen=True, eq=False)
+class LeftEpisode:
+    """A settled scene, and all that it takes to be there again.
+
+    Attributes:
+        reset: what leads to the scene: seed, world, bodies with masses and radii, friction.
+        episode_id: as in `Session`.
+        scene_id: as in `Session`.
+        time: simulated [s].
+        push: the one that was under way; None: there was none.
+        unsent: the result that led to the scene, until it is published; None: it was.
+        subscribers: of the results of pushes.
+    """
+
+    reset: ResetScene.Request
+    episode_id: int
+    scene_id: int
+    time: float
+    push: Push | None = None
+    unsent: PushResult | None = None
+    subscribers: int = 0
+
+    def write(self, file: StateFile) -> None:
+        """Replace what a file holds."""
+        file.write(
+            reset=text_of(self.reset),
+            episode_id=self.episode_id,
+            scene_id=self.scene_id,
+            time=self.time,
+            push="" if self.push is None else text_of(self.push),
+            unsent="" if self.unsent is None else text_of(self.unsent),
+            subscribers=self.subscribers,
+        )
+
+    @classmethod
+    def read(cls, file: StateFile) -> "LeftEpisode | None":
+        """Return what a file holds; None: nothing.
+
+        Raises:
+            DatasetError: it is damaged.
+        """
+        if not (state := file.read()):
+            return None
+        with file.decoding():
+            ids = id_in(state, "episode_id"), id_in(state, "scene_id")
+            push = message_of(Push, state["push"]) if state["push"] else None
+            unsent = message_of(PushResult, state["unsent"]) if state["unsent"] else None
+            reset = message_of(ResetScene.Request, state["reset"])
+            time = float(state["time"])
+            if not 0.0 <= time < LATEST:
+                raise ValueError(f"time is {time} s; allowed: 0 to {LATEST:.0f} s")
+            return cls(reset, *ids, time, push, unsent, id_in(state, "subscribers"))
 
 
 class Episodes:
-    """Begins episodes, and keeps what it takes to go on from the latest scene."""
+    """Begins episodes, and keeps what it takes to go on from the latest scene.
+
+    Attributes:
+        waits: whether not all listen again who did before a crash.
+    """
 
     def __init__(
         self,
@@ -33,50 +96,33 @@ class Episodes:
         publishing: Publishing,
         driver: PushDriver,
     ) -> None:
-        """Start the first episode, or go on where another process was left."""
+        """Start the first episode, or go on from the state file.
+
+        Raises:
+            DatasetError: the file is damaged.
+        """
         self._node, self._simulator, self._worker = node, simulator, worker
-        self._publishing, self._driver = publishing, driver
-        self._publish_result = driver.answer
-        config = simulator.config
-        self._resumption = Resumption(node, config.state_file, driver.session, simulator.pacer)
-        if (request := self._resumption.resume()) is None:
-            self._reset(ResetScene.Request(seed=config.seed))
+        self._publishing, self._driver, self._session = publishing, driver, driver.session
+        self._publish, driver.answer = driver.answer, self._answer
+        self._push: Push | None = None  # under way
+        self._file = StateFile(node, simulator.config.state_file)
+        self._kept: LeftEpisode | None = None
+        left = LeftEpisode.read(self._file)
+        self.waits, self._count = left is not None, 0 if left is None else left.subscribers
+        self._subscribers = Subscribers(node, HEARD, self._count)
+        if left is None:
+            self._reset(ResetScene.Request(seed=simulator.config.seed))
         else:
-            publishing.take(self._place(request))
-            steady_timer(node, LOOK_AGAIN, self._look_for_listeners)
+            self._go_on_from(left)
         service = driver.reception.serve(ResetScene, "reset_scene", self._on_reset)
-        introspect(node, service, config.service_introspection)
+        introspect(node, service, simulator.config.service_introspection)
 
     @property
     def rests(self) -> bool:
         """Whether nothing happens to the bodies."""
-        return not (self._driver.session.busy or self._resumption.waits)
+        return not (self._session.busy or self.waits)
 
-    def check_begun(self) -> None:
-        """Raise `BusyError` until all listen again who did before a crash."""
-        if self._resumption.waits:
-            raise BusyError("the simulator goes on after a crash; send the push anew later")
-
-    def keep(self, push: Push | None = None, unsent: PushResult | None = None) -> None:
-        """Keep what it takes to go on from here; with the push that is begun, or its result."""
-        scene, friction = self._publishing.sample.scene, self._simulator.parameters.friction
-        self._resumption.keep(self._begun, scene, friction, push, unsent)
-
-    def look_around(self) -> None:
-        """Note who listens."""
-        if not self._resumption.waits:
-            self._resumption.look_around()
-
-    def _look_for_listeners(self) -> None:
-        """Publish all again, once they listen again, that somebody may not have received."""
-        if not self._resumption.waits or not self._resumption.all_listen():
-            return
-        if (unsent := self._resumption.unsent) is not None:
-            self._publish_result(unsent)
-        self._announce()
-        if (lost := self._resumption.lost) is not None:
-            text = f"push {lost.push_id} ended when the simulator crashed; it moved nothing"
-            self._driver.answer_refused(lost, CancelledError(text))
+    # --- how they begin -------------------------------------------------------------------------
 
     def _on_reset(
         self, request: ResetScene.Request, response: ResetScene.Response
@@ -91,9 +137,9 @@ class Episodes:
         return response
 
     def _reset(self, request: ResetScene.Request) -> None:
-        self._driver.session.check_idle()
+        self._session.check_idle()
         sample = self._place(request)
-        self._driver.session.begin_episode()
+        self._session.begin_episode()
         self._publishing.take(sample)
         self._announce()
 
@@ -109,10 +155,79 @@ class Episodes:
 
     def _announce(self) -> None:
         """Publish all about an episode from its start."""
-        self._resumption.waits = False
+        self.waits = False
         self._publishing.episode(self._begun)
-        self.keep()
+        self._keep()
         self._publishing.settle()
+
+    # --- pushes ---------------------------------------------------------------------------------
+
+    def begin(self, push: Push) -> None:
+        """Keep a push that is begun, so that it is answered also after a crash.
+
+        Raises:
+            BusyError: not all listen again.
+        """
+        if self.waits:
+            raise BusyError("the simulator goes on after a crash; send the push anew later")
+        self._push = push
+        self._keep()
+
+    def _answer(self, result: PushResult) -> None:
+        """Publish a result; that of a push that was begun is kept before, and never taken back."""
+        if self._push is None or self._session.busy:
+            self._publish(result)
+            return
+        self._push = None
+        self._publishing.take(self._publishing.sample)
+        self._keep(unsent=result)
+        self._publish(result)
+        self._keep()
+        if result.error_code == ErrorCode.OK:
+            self._publishing.settle()
+
+    # --- after a crash --------------------------------------------------------------------------
+
+    def _keep(self, unsent: PushResult | None = None) -> None:
+        """Keep what it takes to go on from here: the push under way, or its result, too."""
+        if not self._file:
+            return
+        begun, disks = self._begun, codec.encode_disks(self._publishing.sample.scene)
+        friction = self._simulator.parameters.friction
+        reset = ResetScene.Request(seed=begun.seed, world=begun.world, friction=friction)
+        reset.disks, reset.shapes, reset.roles = disks, begun.shapes, begun.roles
+        ids, now = (self._session.episode_id, self._session.scene_id), self._simulator.pacer.now
+        self._kept = LeftEpisode(reset, *ids, now, self._push, unsent, self._count)
+        self._kept.write(self._file)
+
+    def look_around(self) -> None:
+        """Note who listens, at once: before the first reset nothing else may be noted."""
+        found = self._subscribers.count() if self._file and not self.waits else self._count
+        if found != self._count and self._kept is not None:
+            self._count, self._kept = found, replace(self._kept, subscribers=found)
+            self._kept.write(self._file)
+
+    def _go_on_from(self, left: LeftEpisode) -> None:
+        """Take up ids, time and scene of another process, and wait for those who listened."""
+        last = left.push or left.unsent
+        push_id = 0 if last is None else last.push_id
+        self._session.go_on_from(left.episode_id, left.scene_id, push_id)
+        self._simulator.pacer.go_on_from(left.time + LOST_TIME)
+        where = f"scene {left.scene_id} of episode {left.episode_id}"
+        self._node.get_logger().warning(f"goes on from {where} after a crash")
+        self._publishing.take(self._place(left.reset))
+        steady_timer(self._node, LOOK_AGAIN, lambda: self._look_for_listeners(left))
+
+    def _look_for_listeners(self, left: LeftEpisode) -> None:
+        """Publish all again, once they listen again, that somebody may not have received."""
+        if not self.waits or not self._subscribers.complete():
+            return
+        if left.unsent is not None:
+            self._publish(left.unsent)
+        self._announce()
+        if left.push is not None:
+            text = f"push {left.push.push_id} ended when the simulator crashed; it moved nothing"
+            self._driver.answer_refused(left.push, CancelledError(text))
 
 
 def _bodies(disks: Sequence[Any]) -> Scene | None:

@@ -149,7 +149,8 @@ class Publishing:
 
     def take(self, sample: Sample) -> None:
         """Take the world as it is for the settled one, which the next push must name."""
-        self.sample, self.settled = sample, self.scene_message(sample)
+        self.sample = sample
+        self.settled = self.scene_message()
         self._driver.set_scene(self.settled, self._simulator.parameters.bodies)
 
     def settle(self) -> None:
@@ -208,9 +209,10 @@ class Publishing:
         if timer is not None and timer.observe(self.sample):
             self._frames(settled=True)
 
-    def scene_message(self, sample: Sample) -> SceneMessage:
-        """Return the scene of a world that rests, with the ids of this moment."""
-        return self._encode(sample.scene, self.now(), bool(is_settled(sample.scene)))
+    def scene_message(self) -> SceneMessage:
+        """Return the scene of the world that rests, with time and ids of this moment."""
+        scene = self.sample.scene
+        return self._encode(scene, self.now(), bool(is_settled(scene)))
 
     def _encode(self, scene: Scene, stamp: Time, settled: bool) -> SceneMessage:
         ids = {"episode_id": self._session.episode_id, "scene_id": self._session.scene_id}

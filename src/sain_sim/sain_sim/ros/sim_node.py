@@ -8,11 +8,9 @@ from sain_arm.planning import push_events as events
 from sain_arm.planning.push_events import ArmState, Ended, Ending, Phase
 from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan
-from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import Vector
-from sain_arm.ros.pushing_node import PushingNode
+from sain_arm.ros.pushing_node import PushingNode, Wanted
 from sain_core import wire
-from sain_core.errors import CancelledError, ErrorCode, SainError, UnreachableError
+from sain_core.errors import CancelledError, SainError
 from sain_core.feasibility import Stroke
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.parameters import read_parameters
@@ -35,7 +33,7 @@ class SimNode(PushingNode):
     def __init__(self, **options: Any) -> None:
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", "physics", **options)
-        self._closing, config = False, read_parameters(self, SimulatorConfig)
+        self._stopped, config = "", read_parameters(self, SimulatorConfig)
         cell, self.pacer = config.bullet, Pacer(config.real_time_factor)
         self.execution = PushExecution(cell.motion, cell.feasibility.limits.clearance)
         self.driver = driver = PushDriver(
@@ -45,8 +43,6 @@ class SimNode(PushingNode):
         self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
         self.publishing = publishing = Publishing(self, self.simulator, driver)
         self.episodes = Episodes(self, self.simulator, self.worker, publishing, driver)
-        self._publish_result, driver.answer = driver.answer, self._answer
-        self._push: Push | None = None  # under way
         self._joints = publishing.sample.joint_positions
         self.update(events.ReachFound())
         if not config.scenes:
@@ -60,10 +56,9 @@ class SimNode(PushingNode):
 
     def begin(self, push: Push, stroke: Stroke) -> None:
         """Take a push; it is kept, so that it is answered also after a crash."""
-        self.episodes.check_begun()
         self.pacer.idle()
+        self.episodes.begin(push)
         self._push, self._joints = push, self.publishing.sample.joint_positions
-        self.episodes.keep(push)
         super().begin(push, stroke)
 
     def arm_state(self) -> ArmState:
@@ -71,18 +66,12 @@ class SimNode(PushingNode):
         now = monotonic()
         return ArmState(now, self.pacer.now, self._joints, stamp=now, changed=now, still=True)
 
-    def plan_push(self, stroke: Stroke, joints: Vector) -> PushPlan:
-        """Plan a stroke; one without length is made with it."""
-        if stroke.length == 0.0:
+    def plan(self, wanted: Wanted) -> PushPlan:
+        """Plan a push; one without length is made with it."""
+        assert isinstance(wanted, events.PlanPush)  # the arm leaves each stroke by itself
+        if wanted.stroke.length == 0.0:
             self._pushed = self._carry_out()
-        return self.simulator.plan(stroke)
-
-    def plan_way(self, wanted: events.PlanRetreat | events.PlanHome) -> Trajectory:
-        """Refuse: the arm leaves each stroke by itself."""
-        raise UnreachableError(f"a simulated arm has no way of its own for {wanted}")
-
-    def show(self, plan: PushPlan) -> None:
-        """Show nothing: viewers see the arm."""
+        return self.simulator.plan(wanted.stroke)
 
     def send(self, goal: events.Send) -> None:
         """Have the arm follow a goal; the world shows the approach with the stroke."""
@@ -92,20 +81,20 @@ class SimNode(PushingNode):
             self.worker.submit(self._carry_out, lambda done: self._on_pushed(goal, done))
 
     def cancel(self, why: str) -> None:
-        """Refuse: a simulated arm is always enabled."""
-        raise AssertionError(why)
+        """Break off the push that is under way; the world is left as it is then."""
+        self._stopped = why
 
     def _carry_out(self) -> tuple[Sample, PushResult]:
         """Make the push that is under way, on the worker's thread."""
-        assert self._push is not None
-        disks = self._push.disks
-        seen = wire.decode_disks(disks, "scene of the push") if disks else None
-        return self.simulator.push(wire.decode_push(self._push), self._on_sample, seen)
+        push, disks = wire.decode_push(self._push), self._push.disks
+        return self.simulator.push(
+            push, self._on_sample, wire.decode_disks(disks) if disks else None
+        )
 
     def _on_sample(self, sample: Sample) -> None:
         """Publish a moving world, on the worker's thread: the executor publishes no states then."""
-        if self._closing:
-            raise CancelledError("the simulator is being stopped")
+        if self._stopped:
+            raise CancelledError(self._stopped)
         self.publishing.moving(sample)
 
     def _on_pushed(self, goal: events.Send, done: "Future[tuple[Sample, PushResult]]") -> None:
@@ -127,25 +116,9 @@ class SimNode(PushingNode):
 
     def answer_executed(self, doubt: CancelledError | None) -> None:
         """Answer with the world as it is after the push."""
-        sample, measured = self._pushed
-        self.driver.finish(self.pacer.now)
-        self.driver.conclude(self.publishing.scene_message(sample), measured)
-
-    def _answer(self, result: PushResult) -> None:
-        """Publish a result; what a push led to is kept before: a result is never taken back."""
-        if self._push is None or self.driver.session.busy:  # of a push that was not begun
-            self._publish_result(result)
-            return
-        self._push = None
-        if result.error_code != ErrorCode.OK:
-            self.episodes.keep()
-            self._publish_result(result)
-            return
-        self.publishing.take(self._pushed[0])
-        self.episodes.keep(unsent=result)
-        self._publish_result(result)
-        self.episodes.keep()
-        self.publishing.settle()
+        self.publishing.sample, measured = self._pushed
+        super().answer_executed(doubt)
+        self.driver.conclude(self.publishing.scene_message(), measured)
 
     def _on_frame(self) -> None:
         """Take and publish a frame of bodies at rest."""
@@ -172,7 +145,7 @@ class SimNode(PushingNode):
 
     def destroy_node(self) -> None:
         """Stop a push that is under way, and close the worlds."""
-        self._closing = True
+        self.cancel("the simulator is being stopped")
         self.worker.close(last=self.simulator.close)
         super().destroy_node()
         self.driver.release_namespace()
