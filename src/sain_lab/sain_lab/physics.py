@@ -74,32 +74,27 @@ def _joined(bodies: Bodies, some: Sequence[tuple[Result, int]]) -> ObservedPushe
 
 @dataclass
 class _Fitted:
-    """A kind, and the latest fit of it."""
+    """A kind, and the latest fit of it to episodes."""
 
     kind: Kind
     fit: Fit | None = None
     episodes: tuple[str, ...] = ()
 
     def update(self, parts: list[ObservedPushes], episodes: list[str]) -> None:
-        """Fit it anew, from where it is."""
-        steps = identify.STEPS if self.fit is None else AGAIN
-        self.fit = identify.fit_laboratory(self.kind, parts, self._start(episodes), steps)
+        """Fit it anew, from where it is; new episodes begin with the mean of the others."""
+        start, steps = None, identify.STEPS
+        if self.fit is not None:
+            places = dict(zip(self.episodes, self.fit.places, strict=True))
+            mean = self.fit.places.mean(axis=0)
+            start, steps = np.stack([places.get(name, mean) for name in episodes]), AGAIN
+            start[:, ~self.kind.of_episode] = mean[~self.kind.of_episode]
+        self.fit = identify.fit_laboratory(self.kind, parts, start, steps)
         self.episodes = tuple(episodes)
-
-    def _start(self, episodes: list[str]) -> np.ndarray | None:
-        """Return vectors z of these episodes; new ones have the mean of the others."""
-        if self.fit is None:
-            return None
-        places = dict(zip(self.episodes, self.fit.places, strict=True))
-        mean = self.fit.places.mean(axis=0)
-        start = np.stack([places.get(name, mean) for name in episodes])
-        start[:, ~self.kind.of_episode] = mean[~self.kind.of_episode]
-        return start
 
     @property
     def evidence(self) -> float:
         """The logarithm of its evidence; lowest where it was not fitted."""
-        return -np.inf if self.fit is None else float(self.fit.log_evidence[0])
+        return -np.inf if self.fit is None else self.fit.evidence
 
 
 class Believer:
@@ -149,32 +144,27 @@ class Believer:
         kinds = [anchored(kind, self._anchor) for kind in candidates]
         if [one.kind.name for one in self._kinds] != [kind.name for kind in kinds]:
             self._kinds, self._compared = [_Fitted(kind) for kind in kinds], 0
-        best = max(self._kinds, key=lambda one: one.evidence)
+        fitted = [max(self._kinds, key=lambda one: one.evidence)]
         if self._total >= GROWTH * self._compared:
-            self._compared = self._total
-            for one in self._kinds:
-                one.update(parts, episodes)
-        else:
-            best.update(parts, episodes)
+            self._compared, fitted = self._total, self._kinds
+        for one in fitted:
+            one.update(parts, episodes)
         self._conclude(parts)
 
     def _conclude(self, parts: list[ObservedPushes]) -> None:
-        fits = [one.fit for one in self._kinds if one.fit is not None]
-        best = max(self._kinds, key=lambda one: one.evidence)
-        self.jumped = 0.0
-        fits = [self._of_now(one) for one in fits]
+        best, self.jumped = max(self._kinds, key=lambda one: one.evidence), 0.0
+        fits = [self._of_now(one.fit) for one in self._kinds if one.fit is not None]
         found = identify.identified(fits, -identify.MOST_ODDS, {"laboratory": parts})
         kinds = [
             # a kind that was not fitted just now is compared by what it was
             replace(kind, log_odds=0.0 if one is best else -identify.MOST_ODDS)
             for kind, one in zip(found.kinds, self._kinds, strict=True)
         ]
-        self._best = next(kind for kind in kinds if kind.log_odds == 0.0)
+        self._best = kinds[self._kinds.index(best)]
         self.parameters = parameters_of(self._best)
-        trained = self._base.belief.trained
         settled = [kind.settled() for kind in kinds]
         if not any(kind.corrected for kind in settled):
-            settled.append(replace(trained, log_odds=-identify.MOST_ODDS))
+            settled.append(replace(self._base.belief.trained, log_odds=-identify.MOST_ODDS))
         self.belief = Belief(tuple(settled), -identify.MOST_ODDS, {"pushes": len(self.window)})
 
     def _of_now(self, found: Fit) -> Fit:
@@ -299,24 +289,18 @@ class BodyBeliever:
 
     def _fit(self, name: str, body: _Body) -> None:
         kind, mean = self._another(name)
-        parts, _ = observed(body.pushes)
-        parts = [part.in_episodes(np.zeros(len(part), np.int64)) for part in parts]
+        parts, _ = observed(replace(push, episode=name) for push in body.pushes)
         start = np.zeros_like(mean) if body.place is None else body.place - mean
-        steps = FIRST if body.place is None else BODY_AGAIN
-        found = fit(kind, parts, start[None], np.zeros(1, np.int64), steps)
+        found = fit(kind, parts, start[None], FIRST if body.place is None else BODY_AGAIN)
         body.place, body.covariance, body.new = found.places[0] + mean, found.covariance[0], 0
 
     def _another(self, name: str) -> tuple[Kind, Float[ndarray, "D"]]:
         """Return what bodies other than this one show of it, and their mean vector z."""
-        others = [
-            body.place
-            for other, body in self._bodies.items()
-            if other != name and body.place is not None
-        ]
-        if not others:
+        bodies = (body for other, body in self._bodies.items() if other != name)
+        places = [body.place for body in bodies if body.place is not None]
+        if not places:
             return self._kind, np.zeros(len(self._kind.names))
-        places = np.stack(others)
-        return identify.of_another_body(self._kind, places), places.mean(axis=0)
+        return identify.of_another_body(self._kind, np.stack(places)), np.mean(places, axis=0)
 
     def kind(self, name: str) -> Kind:
         """Return what is believed of a body, known or not."""

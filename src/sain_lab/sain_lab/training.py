@@ -169,11 +169,9 @@ def data_of(results: list[Result]) -> "Dataset":
     digest = hashlib.sha256("".join(one.digest for one in results).encode()).hexdigest()
     parts = []
     for some in observed(results)[0]:
-        unknown = np.full(len(some), np.nan)
-        nothing = np.full(some.state.shape, np.nan)
-        arrays = some.state, some.action, some.next_state, some.state  # no prediction is needed
-        steps = np.arange(len(some))
-        parts.append(Part(*arrays, some.episode, steps, unknown, nothing, some.bodies))
+        unknown, nothing = np.full(len(some), np.nan), np.full(some.state.shape, np.nan)
+        about = {"friction": unknown, "floor_next": nothing, "step": np.arange(len(some))}
+        parts.append(Part(**vars(replace(some, noise=None)), **about, physics_next=some.state))
     return Dataset(tuple(parts), digest)
 
 

@@ -43,7 +43,6 @@ from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.proposals import candidates, uniform
 
 HEAVY: Final = (TAIL + SIZE + 2) / (TAIL + SIZE)  # variance that Student's t is worth, in scales^2
-ONE: Final = np.zeros(1, np.int64)  # the problem of an episode alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +62,7 @@ class Certainty:
         place = now.places[0, : len(kind.names)]
         if len(history) == 0 or not kind.names:
             return cls(kind, place, kind.covariance)
-        fitted = fit(kind, [model.with_bodies(bodies).observed(history)], place[None], ONE, STEPS)
+        fitted = fit(kind, [model.with_bodies(bodies).observed(history)], place[None], STEPS)
         return cls(kind, fitted.places[0], fitted.covariance[0], float(fitted.factor[0]))
 
     def doubled(self, before: Self) -> Self:

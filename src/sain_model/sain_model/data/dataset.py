@@ -27,20 +27,18 @@ from sain_core.guarding.documents import read_json
 from sain_core.guarding.kinds import describe
 from sain_core.push import idle_pushes, mirror_pushes
 from sain_core.scene import POSE, mirror_scenes
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies, bodies_named
+from sain_core.shapes.bodies import bodies_named
 from sain_core.transitions import (
     COLLECTION_FILE,
     NEEDED,
     SHAPED,
     Column,
     Columns,
-    Transitions,
     draw_parts,
 )
-from sain_core.types import Indices, Mask, Scalars, Scenes
+from sain_core.types import Mask, Scalars, Scenes
 from sain_model.data.shard import NO_STEP, read_shard
 from sain_model.inference.evidence import ObservedPushes
-from sain_model.physics.parameters import Values
 
 BULLET: Final = "bullet"  # what a collection has that names no engine
 RANDOMISED: Final = "randomised"
@@ -65,39 +63,24 @@ def made_in(path: Path) -> str:
 Order = tuple[int, str, tuple[str, ...], int]
 
 
-@dataclass(frozen=True, eq=False)
-class Part(Transitions):
-    """M pushes in scenes of the same bodies, with what physics predicted and what happened."""
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Part(ObservedPushes):
+    """M pushes in scenes of the same bodies, with what physics predicted and what happened.
+
+    Values that are `given` are believed for each push, besides what episodes show.
+    """
 
     physics_next: Scenes  # (M, N, 8), the nominal world's prediction, the paper's f_p
-    episode: Int[ndarray, "M"]  # which episode each belongs to
     # its place in the episode: the order of the data where no ``step`` is given
     step: Int[ndarray, "M"]
     friction: Scalars  # the true friction with the table; NaN where it is not known
     floor_next: Scenes  # the same push repeated in a world set to the observed state; NaN likewise
-    bodies: Bodies = PAPER_DISKS  # of all scenes
     # what the body stood on, in a real robot's pushes; empty where it is not stated
     surface: ndarray | None = None
     object: ndarray | None = None  # the pushed body, as its user calls it; likewise
     run: ndarray | None = None  # the recording; likewise
     # engine, world and bottom of the scenes, or the data set's name; None: likewise
     setting: ndarray | None = None
-    # values of parameters of the physics that are believed for each push, (M,) by name; None:
-    # nothing but what episodes show
-    given: Values | None = None
-
-    @property
-    def observed(self) -> ObservedPushes:
-        """The pushes for inference (`sain_model.inference`)."""
-        arrays = self.state, self.action, self.next_state, self.episode
-        return ObservedPushes(*arrays, self.bodies, given=self.given)
-
-    def select(self, rows: Mask | Indices | slice) -> Self:
-        """Return some pushes, any of them as often as its number is given."""
-        some = super().select(rows)
-        if self.given is None:
-            return some
-        return replace(some, given={name: values[rows] for name, values in self.given.items()})
 
     def mirrored(self) -> Self:
         """Return what would have happened in a mirror: the same physics."""

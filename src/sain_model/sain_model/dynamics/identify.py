@@ -8,6 +8,7 @@ each other, and another choice of bodies or pushes moves them.
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -56,15 +57,15 @@ Recordings = Mapping[str, Parts]
 
 def count_episodes(parts: Parts) -> int:
     """Return the number of episodes of all parts together."""
-    return 1 + max(int(part.episode.max()) for part in parts)
+    return 1 + max((int(part.episode.max()) for part in parts), default=-1)
 
 
 def joined(recordings: Recordings) -> list[ObservedPushes]:
     """Return the pushes of all recordings, their episodes counted as one sequence."""
     found: list[ObservedPushes] = []
     for parts in recordings.values():
-        first = count_episodes(found) if found else 0
-        found += [part.in_episodes(part.episode + first) for part in parts]
+        first = count_episodes(found)
+        found += [replace(part, episode=part.episode + first) for part in parts]
     return found
 
 
@@ -75,13 +76,13 @@ def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
     """
     fits = [fit_laboratory(kind, joined(recordings)) for kind in kinds]
     if len(recordings) > 1:
+        best = fits.index(max(fits, key=_evidence))
         alone = {
             name: [fit_laboratory(kind, parts) for kind in kinds]
             for name, parts in recordings.items()
         }
-        check_kinds(alone)
-        best = fits.index(_likeliest(fits))
-        check_frictions({name: some[best] for name, some in alone.items()})
+        for pair in combinations(alone.items(), 2):
+            _check_alike(dict(pair), best)
     return fits
 
 
@@ -92,16 +93,14 @@ def fit_laboratory(
 
     The search starts from vectors z of the episodes; None: from what a grid shows.
     """
-    count = count_episodes(parts)
-    if start is not None:
-        return fit(kind, parts, start, np.zeros(count, np.int64), steps)
-    totals = sum(
-        Known.of_episodes(part.episode, count).total(curves_of(kind, part)) for part in parts
-    )
-    start = marginals(kind, np.asarray(totals)).places
-    shared = ~kind.of_episode
-    start[:, shared] = start[:, shared].mean(axis=0)
-    return fit(kind, parts, start, np.zeros(count, np.int64), STEPS)
+    if start is None:
+        count = count_episodes(parts)
+        known = [Known.of_episodes(part.episode, count) for part in parts]
+        totals = sum(k.total(curves_of(kind, part)) for k, part in zip(known, parts, strict=True))
+        start = marginals(kind, np.asarray(totals)).places
+        shared = ~kind.of_episode
+        start[:, shared] = start[:, shared].mean(axis=0)
+    return fit(kind, parts, start, steps, together=True)
 
 
 def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
@@ -116,7 +115,7 @@ def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
     counts.
     """
     count = count_episodes(parts)
-    found = fit(kind, parts, np.zeros((count, len(kind.names))), np.arange(count), STEPS)
+    found = fit(kind, parts, np.zeros((count, len(kind.names))), STEPS)
     variances = np.diagonal(found.covariance, axis1=1, axis2=2)
     places = found.places
     return of_another_body(kind, places, variances), places - places.mean(axis=0)
@@ -136,7 +135,7 @@ def of_another_body(kind: Kind, places: Places, variances: Places | float = 0.0)
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:
     """Return the belief after a laboratory's recordings."""
-    best = _evidence(_likeliest(fits))
+    best = max(map(_evidence, fits))
     odds = float(np.clip(network_log_odds, -MOST_ODDS, MOST_ODDS))
     return Belief(tuple(_kind(one, best) for one in fits), odds, _card(recordings, fits))
 
@@ -150,7 +149,7 @@ def _kind(found: Fit, best: float) -> Kind:
         kind,
         prior=kind.at(found.places.mean(axis=0)),
         covariance=covariance,
-        log_odds=max(_evidence(found) - best, -MOST_ODDS),
+        log_odds=max(found.evidence - best, -MOST_ODDS),
         flat_log_odds=0.0,
     )
 
@@ -160,73 +159,55 @@ def _card(recordings: Recordings, fits: Sequence[Fit]) -> dict[str, Any]:
         "source": {name: sum(map(len, some)) for name, some in recordings.items()},
         "pushes": sum(len(part) for some in recordings.values() for part in some),
         "episodes": len(fits[0].places),
-        "evidence": {one.kind.name: _evidence(one) for one in fits},
+        "evidence": {one.kind.name: one.evidence for one in fits},
         "noise_factor": {one.kind.name: float(one.factor[0]) for one in fits},
     }
 
 
-def check_kinds(fits: Mapping[str, Sequence[Fit]]) -> None:
-    """Check what recordings, by name, say about the kind of physics; all have a fit of each kind.
+_evidence = attrgetter("evidence")
 
-    Raises `DatasetError`: two are certain of different kinds; naming them.
+
+def _check_alike(fits: Mapping[str, Sequence[Fit]], best: int) -> None:
+    """Check what two recordings, by name, say of the kind of physics, and of frictions of the best.
+
+    Raises `DatasetError`: they disagree; naming them and the parameter that differs most.
     """
-    for (name, first), (other, second) in combinations(fits.items(), 2):
-        kinds = [_likeliest(some).kind.name for some in (first, second)]
-        gains = [
-            _evidence(_likeliest(some)) - _evidence(one)
-            for some in (first, second)
-            for one in some
-            if one is not _likeliest(some)
-        ]
-        if kinds[0] != kinds[1] and min(gains) > CERTAIN_OF_KIND:
+    names, both = " and ".join(fits), list(fits.values())
+    likeliest = [max(some, key=_evidence).kind.name for some in both]
+    if likeliest[0] != likeliest[1]:
+        leads = [np.diff(sorted(map(_evidence, some)))[-1] for some in both]
+        if min(leads) > CERTAIN_OF_KIND:
             raise DatasetError(
-                f"{name} and {other} disagree about the kind of physics: {kinds[0]} and"
-                f" {kinds[1]}, by logarithms of evidence of at least {min(gains):.0f}; identify"
-                " each laboratory by itself"
+                f"{names} disagree about the kind of physics: {' and '.join(likeliest)}, by"
+                f" logarithms of evidence of at least {min(leads):.0f}; identify each laboratory"
+                " by itself"
             )
-
-
-def check_frictions(fits: Mapping[str, Fit]) -> None:
-    """Check what recordings, by name, say about the frictions of one kind of physics.
-
-    Raises `DatasetError`: two disagree; naming them and the parameter that differs most.
-    """
-    worst, message = 1.0, ""
-    for (name, first), (other, second) in combinations(fits.items(), 2):
-        for parameter in (one for one in first.kind.parameters if one.name in FRICTIONS):
-            column = first.kind.names.index(parameter.name)
-            apart, deviation, large = _difference(first, second, column)
-            ratio = min(apart / (CERTAIN * deviation), apart / large)
-            if ratio > worst:
-                means = np.stack([one.places.mean(axis=0) for one in (first, second)])
-                values, worst = first.kind.values(means)[parameter.name], ratio
-                message = (
-                    f"{name} and {other} disagree about {parameter.name} ({parameter.meaning}):"
-                    f" {values[0]:.3g} and {values[1]:.3g}, {apart / deviation:.0f} standard"
-                    " deviations apart; identify each laboratory by itself"
-                )
+    pair = [some[best] for some in both]
+    kind, worst, message = pair[0].kind, 1.0, ""
+    means = np.stack([one.places.mean(axis=0) for one in pair])
+    for column, parameter in enumerate(kind.parameters):
+        apart = abs(means[0, column] - means[1, column])
+        deviation, large = _difference(pair, column)
+        ratio = min(apart / (CERTAIN * deviation), apart / large)
+        if parameter.name in FRICTIONS and ratio > worst:
+            values, worst = kind.values(means)[parameter.name], ratio
+            message = (
+                f"{names} disagree about {parameter.name} ({parameter.meaning}):"
+                f" {values[0]:.3g} and {values[1]:.3g}, {apart / deviation:.0f} standard"
+                " deviations apart; identify each laboratory by itself"
+            )
     if message:
         raise DatasetError(message)
 
 
-def _difference(first: Fit, second: Fit, column: int) -> tuple[float, float, float]:
-    """Return how far two values of z are apart, its standard deviation, and what is large."""
-    some = [one.places[:, column] for one in (first, second)]
-    apart = abs(float(some[0].mean() - some[1].mean()))
-    if not first.kind.of_episode[column]:
-        variance = sum(one.shared_covariance[column, column] for one in (first, second))
-        return apart, float(np.sqrt(variance)), LARGE
-    scatter = [float(values.std()) for values in some]
-    variance = sum(max(s, SHARED) ** 2 / len(v) for s, v in zip(scatter, some, strict=True))
-    return apart, float(np.sqrt(variance)), LARGE_FRICTION if max(scatter) < SHARED else 1.0
-
-
-def _likeliest(fits: Sequence[Fit]) -> Fit:
-    return max(fits, key=_evidence)
-
-
-def _evidence(found: Fit) -> float:
-    return float(found.log_evidence[0])
+def _difference(pair: Sequence[Fit], column: int) -> tuple[float, float]:
+    """Return the standard deviation of the difference of two values of z, and what is large."""
+    if not pair[0].kind.of_episode[column]:
+        return float(np.sqrt(sum(one.shared_covariance[column, column] for one in pair))), LARGE
+    scatter = [float(one.places[:, column].std()) for one in pair]
+    counts = [len(one.places) for one in pair]
+    variance = sum(max(s, SHARED) ** 2 / n for s, n in zip(scatter, counts, strict=True))
+    return float(np.sqrt(variance)), LARGE_FRICTION if max(scatter) < SHARED else 1.0
 
 
 ENOUGH: Final = 250  # pushes of a body that its values are inferred from: more change nothing
@@ -281,7 +262,7 @@ def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> tuple[list[str], list
             rows = np.flatnonzero(body == one)
             places = np.linspace(0, len(rows) - 1, min(most, len(rows)))
             chosen[rows[places.round().astype(int)]] = True
-        found.append(part.observed.in_episodes(body).select(chosen))
+        found.append(replace(part.alone, episode=body).select(chosen))
     return names.tolist(), found
 
 
@@ -294,7 +275,7 @@ def infer_bodies(kind: Kind, data: Dataset, start: Places | None = None) -> OfBo
         return {}
     names, pushes = pushes_of_bodies(data)
     first = np.zeros((len(names), len(kind.names))) if start is None else start
-    found = fit(kind, pushes, first, np.arange(len(names)), STEPS)
+    found = fit(kind, pushes, first, STEPS)
     return dict(zip(names, found.places, strict=True))
 
 
@@ -323,7 +304,7 @@ def observed_pushes(data: Dataset, most: int = 0) -> list[ObservedPushes]:
     found = []
     for part in data.parts:
         number = np.searchsorted(episodes, part.episode)
-        found.append(part.observed.in_episodes(number).select(number < keep))
+        found.append(replace(part.alone, episode=number).select(number < keep))
     return [part for part in found if len(part)]
 
 
@@ -348,7 +329,7 @@ def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
     names, pushes = pushes_of_bodies(data, most)
     over, start = over_bodies(surface_kind(), pushes)
     kind = replace(over, corrected=True)
-    found = fit(kind, pushes, start, np.arange(len(names)), STEPS)
+    found = fit(kind, pushes, start, STEPS)
     values = kind.values(found.places)
     bodies = {
         name: {one: float(value[row]) for one, value in values.items()}

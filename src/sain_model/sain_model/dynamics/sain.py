@@ -95,7 +95,7 @@ class SainDynamics(Model):
         return self.inferred or self._inferred_from(PushHistory.empty(len(self.bodies)))
 
     def _inferred_from(self, history: PushHistory) -> Inferred:
-        return self.infer(self.observed(history), Known.everything(len(history)))
+        return self.infer(self.observed(history), Known.first(len(history), [len(history)]))
 
     @cached_property
     def physics(self) -> Model:
@@ -253,6 +253,7 @@ class SainDynamics(Model):
 
     def infer(self, pushes: ObservedPushes, known: Known) -> Inferred:
         """Return what rows say, each of the pushes that it is conditioned on."""
+        pushes = pushes.alone
         posterior = infer(self.belief, pushes, known)
         trained = np.array([kind.corrected for kind in self.belief.kinds])
         of_bodies = np.array([kind.of_bodies for kind in self.belief.kinds])

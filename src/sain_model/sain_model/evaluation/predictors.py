@@ -203,8 +203,8 @@ def inferred_rows(model: SainDynamics, part: Part) -> Inferred:
     """Return for each push what its earlier pushes say: those of its episode, or of its body."""
     if model.belief.likeliest.of_bodies:
         body = np.unique(body_names(part), return_inverse=True)[1]
-        return model.infer(part.observed, Known.earlier(body, np.arange(len(part))))
-    return model.infer(part.observed, Known.earlier(part.episode, part.step))
+        return model.infer(part, Known.earlier(body, np.arange(len(part))))
+    return model.infer(part, Known.earlier(part.episode, part.step))
 
 
 def with_history(model: SainDynamics, rows: Inferred) -> Predictor:

@@ -29,6 +29,7 @@ from sain_core.shapes.shape import FLAT
 from sain_core.storage import write_arrays
 from sain_core.transitions import (
     MOVED,
+    SHAPED,
     SHARD_PATTERN,
     SHARD_SIZE,
     Column,
@@ -40,6 +41,7 @@ from sain_core.transitions import (
 from sain_core.types import Mask, Pushes, Scalars, Scenes
 from sain_model.importing.files import BodyKey, Recordings
 from sain_model.importing.real_pushes import IN_DEGREES, RealPushes
+from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import FirstTouch, PlanarPrior, first_touch
 
@@ -55,21 +57,16 @@ def repeat_groups(pushes: RealPushes) -> Int[ndarray, "M"]:
     matter: they change an outcome by less than what a model could remember of it.
     """
     start = pushes.in_body(pushes.tip_start)
-    heading = pushes.heading - pushes.before[:, 2]
-    groups, count = np.empty(len(pushes), np.int64), 0
-    for name in dict.fromkeys(pushes.object.tolist()):
-        own = np.flatnonzero(pushes.object == name)
-        pairs = cKDTree(start[own]).query_pairs(NEAR, output_type="ndarray")
-        first, second = own[pairs].T
-        near = np.abs(wrap_angle(heading[first] - heading[second])) < NEARLY_ALONG
-        near &= np.abs(pushes.length[first] - pushes.length[second]) < NEAR
-        links = coo_matrix((np.ones(near.sum()), pairs[near].T), shape=(len(own), len(own)))
-        found, labels = connected_components(links, directed=False)
-        groups[own] = labels + count
-        count += found
-    _, first_seen, numbered = np.unique(groups, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first_seen))
-    return np.asarray(order[numbered])
+    heading, body = pushes.heading - pushes.before[:, 2], pushes.object
+    pairs = cKDTree(start).query_pairs(NEAR, output_type="ndarray")
+    first, second = pairs.T
+    near = np.abs(wrap_angle(heading[first] - heading[second])) < NEARLY_ALONG
+    near &= np.abs(pushes.length[first] - pushes.length[second]) < NEAR
+    near &= body[first] == body[second]
+    links = coo_matrix((np.ones(near.sum()), pairs[near].T), shape=(len(pushes), len(pushes)))
+    labels = connected_components(links, directed=False)[1]
+    _, seen, numbered = np.unique(labels, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(seen))[numbered])
 
 
 CARD_FILE: Final = "card.json"
@@ -120,13 +117,36 @@ def import_pushes(
     faults = faults_of(found.pushes, state, after, touch, sunk)
     left_out = _left_out(found.pushes, faults, skip_bad)
     keep = ~np.any([fault.rows for fault in faults], axis=0)
-    pushes, keys = found.pushes.select(keep), [found.keys[row] for row in np.flatnonzero(keep)]
+    found, misses = found.select(keep), misses[keep]
     state, after, strokes = state[keep], after[keep], strokes[keep]
-    groups = repeat_groups(pushes)
-    physics = _predict(bodies, keys, state, strokes, progress)
-    _check_radians(pushes, state, after, physics, ~misses[keep])
-    columns = _columns(pushes, bodies, keys, state, strokes, physics, after, groups)
-    return Imported(columns, bodies, left_out, int(misses[keep].sum()), groups)
+    physics, done = np.empty_like(state), 0
+    for key, rows in _rows_of(found.keys).items():
+        prior = PlanarPrior(PHYSICS, bodies[key])
+        for part in np.array_split(rows, -(-len(rows) // SHARD_SIZE)):
+            physics[part] = prior.step(state[part], strokes[part])
+            done += len(part)
+            progress(done, len(state))
+    _check_radians(found.pushes, state, after, physics, ~misses)
+    groups = repeat_groups(found.pushes)
+    named = {key: describe_bodies(some) for key, some in bodies.items()}
+    pushes, moved = found.pushes, np.linalg.norm((after - state)[:, 0, POSITION], axis=1)
+    columns: Columns = {
+        Column.STATE: state.reshape(len(state), -1),
+        Column.ACTION: strokes,
+        Column.PHYSICS_NEXT: physics.reshape(len(state), -1),
+        Column.NEXT_STATE: after.reshape(len(state), -1),
+        Column.EPISODE: groups,
+        Column.STEP: Known.earlier(groups, np.arange(len(groups))).counts,
+        Column.MASSES: state[..., MASS],
+        Column.RADII: state[..., RADIUS],
+        **{name: np.array([named[key][name] for key in found.keys]) for name in SHAPED},
+        Column.MOVED: moved >= MOVED,
+        Column.DURATION: pushes.length / pushes.speed,
+        Column.SURFACE: pushes.surface,
+        Column.OBJECT: pushes.object,
+        Column.RUN: pushes.run,
+    }
+    return Imported(columns, bodies, left_out, int(misses.sum()), groups)
 
 
 REMEDY: Final = (
@@ -199,13 +219,11 @@ def _left_out(
     left_out: dict[str, tuple[str, ...]] = {}
     seen, firsts = np.zeros(len(pushes), dtype=bool), list[tuple[int, str]]()
     for fault in faults:
-        rows = np.flatnonzero(fault.rows & ~seen)
+        rows = np.flatnonzero(fault.rows & ~seen).tolist()
         seen |= fault.rows
-        if len(rows):
-            left_out[fault.what] = tuple(pushes.where(int(row)) for row in rows)
-            firsts.append(
-                (int(rows[0]), f"{left_out[fault.what][0]}: {fault.detail(int(rows[0]))}")
-            )
+        if rows:
+            left_out[fault.what] = tuple(map(pushes.where, rows))
+            firsts.append((rows[0], f"{pushes.where(rows[0])}: {fault.detail(rows[0])}"))
     if firsts and not skip_bad:
         raise DatasetError(
             f"{min(firsts)[1]}; correct poses, outline or tip_radius, or leave such rows out"
@@ -286,64 +304,6 @@ def _touches(
     order = np.argsort(np.concatenate([*rows.values()]))
     columns = zip(*(vars(touch).values() for touch in each), strict=True)
     return FirstTouch(*(np.concatenate(column)[order] for column in columns))
-
-
-def _predict(
-    bodies: dict[BodyKey, Bodies],
-    keys: list[BodyKey],
-    scenes: Scenes,
-    strokes: Pushes,
-    progress: Callable[[int, int], None],
-) -> Scenes:
-    predicted, done = np.empty_like(scenes), 0
-    for key, rows in _rows_of(keys).items():
-        prior = PlanarPrior(PHYSICS, bodies[key])
-        for part in np.array_split(rows, -(-len(rows) // SHARD_SIZE)):
-            predicted[part] = prior.step(scenes[part], strokes[part])
-            done += len(part)
-            progress(done, len(keys))
-    return predicted
-
-
-def _columns(
-    pushes: RealPushes,
-    bodies: dict[BodyKey, Bodies],
-    keys: list[BodyKey],
-    state: Scenes,
-    strokes: Pushes,
-    physics: Scenes,
-    after: Scenes,
-    groups: Int[ndarray, "M"],
-) -> Columns:
-    named = {key: describe_bodies(some) for key, some in bodies.items()}
-    count = len(pushes)
-    moved = np.linalg.norm((after - state)[:, 0, POSITION], axis=1)
-    return {
-        Column.STATE: state.reshape(count, -1),
-        Column.ACTION: strokes,
-        Column.PHYSICS_NEXT: physics.reshape(count, -1),
-        Column.NEXT_STATE: after.reshape(count, -1),
-        Column.EPISODE: groups,
-        Column.STEP: _places(groups),
-        Column.MASSES: state[..., MASS],
-        Column.RADII: state[..., RADIUS],
-        Column.SHAPES: np.array([named[key][Column.SHAPES] for key in keys]),
-        Column.ROLES: np.array([named[key][Column.ROLES] for key in keys]),
-        Column.MOVED: moved >= MOVED,
-        Column.DURATION: pushes.length / pushes.speed,
-        Column.SURFACE: pushes.surface,
-        Column.OBJECT: pushes.object,
-        Column.RUN: pushes.run,
-    }
-
-
-def _places(groups: Int[ndarray, "M"]) -> Int[ndarray, "M"]:
-    """Return the place of each row in its group."""
-    order = np.argsort(groups, kind="stable")
-    _, first = np.unique(groups[order], return_index=True)
-    places = np.empty_like(groups)
-    places[order] = np.arange(len(groups)) - np.repeat(first, np.diff([*first, len(groups)]))
-    return places
 
 
 def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:

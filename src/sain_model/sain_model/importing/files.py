@@ -7,11 +7,12 @@ in the units that the header states.
 import csv
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from io import StringIO
 from math import isfinite, nan, pi
 from pathlib import Path
-from typing import Final
+from typing import Final, Self
 
 import numpy as np
 from numpy import ndarray
@@ -22,18 +23,16 @@ from sain_core.guarding.plugins import nearest
 from sain_core.guarding.untrusted import read_regular_text
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
-from sain_model.importing.mat_logs import read_mats
+from sain_core.types import Mask
+from sain_model.importing.published import TIP_RADIUS, is_published, read_logs, read_npz
 from sain_model.importing.real_pushes import (
     FOUND_AT,
     LONGEST_TEXT,
     MOST_PUSHES,
     MOST_TURN,
-    PUBLISHED_TIP_RADIUS,
     RealPushes,
     check_real,
-    is_one_push,
     joined,
-    read_npz,
 )
 
 POSES: Final = {
@@ -42,12 +41,16 @@ POSES: Final = {
     "tip_start": ("tip_x0", "tip_y0"),
     "tip_end": ("tip_x1", "tip_y1"),
 }
-NUMBERS: Final = (*(name for names in POSES.values() for name in names), "speed")
+NUMBERS: Final = {  # columns and their units
+    **{n: "rad" if "theta" in n else "m" for names in POSES.values() for n in names},
+    "speed": "m/s",
+}
+NOT_STATED: Final = {"tip_radius": "m", "mass": "kg", "radius": "m"}  # may be left empty
+UNIT_OF: Final = NUMBERS | NOT_STATED
 NEEDED: Final = ("object", *NUMBERS)
 TEXTS: Final = ("surface", "object", "run")
-OPTIONAL: Final = ("surface", "run", "tip_radius", "mass", "radius")
+OPTIONAL: Final = ("surface", "run", *NOT_STATED)
 BYTE_ORDER: Final = "\ufeff"  # that some programs begin a file with
-NOT_STATED: Final = ("tip_radius", "mass", "radius")  # may be left empty
 
 
 SEPARATORS: Final = ",;\t"
@@ -61,13 +64,6 @@ UNITS: Final = {  # that a header may state, and what they are in m, rad, m/s an
 }
 STATED: Final = re.compile(r"(\w+?)(?:[ _]+|[ _]*[\[(])([a-z]+(?:/s)?)[\])]?", re.IGNORECASE)
 NEAR: Final = 0.8  # of the letters: a column that is meant by another name
-
-
-def unit_of(name: str) -> str:
-    """Return the unit of a column of numbers."""
-    if name.startswith("theta"):
-        return "rad"
-    return {"speed": "m/s", "mass": "kg"}.get(name, "m")
 
 
 @dataclass(frozen=True)
@@ -109,9 +105,10 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
     row = np.array(numbered)
     given = dict(zip(header.names, zip(*fields, strict=True), strict=True))
     notes = [f"{path}: {', '.join(header.unused)} not used"] if header.unused else []
-    if separator != ",":
-        given, comma = _with_points(path, given, row)
-        notes += [f"{path}: decimal commas are read as points"] if comma else []
+    numbers = {name: given[name] for name in UNIT_OF if name in given}
+    if separator != "," and any("," in text for texts in numbers.values() for text in texts):
+        given |= _with_points(path, numbers, row)
+        notes.append(f"{path}: decimal commas are read as points")
     pushes = _pushes(path, given, row, header.factors)
     return pushes, notes + _small_degrees(path, pushes, header.factors)
 
@@ -158,7 +155,7 @@ def _stated(text: str) -> tuple[str, str]:
     """Return name and unit that a header states; no unit: an empty one."""
     name = text.strip().lower()
     match = None if name in NEEDED + OPTIONAL else STATED.fullmatch(name)
-    if match is not None and match[1] in NUMBERS + NOT_STATED:
+    if match is not None and match[1] in UNIT_OF:
         return match[1], match[2]
     return name, ""
 
@@ -182,14 +179,14 @@ def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
         raise DatasetError(f"the header of {path} lacks {', '.join(missing)}; {needs}")
     factors: dict[str, float] = {}
     for name, unit in stated:
-        if name in NUMBERS + NOT_STATED:
-            allowed = UNITS[unit_of(name)]
-            if unit and unit not in allowed:
+        if usual := UNIT_OF.get(name):
+            if unit and unit not in UNITS[usual]:
                 raise DatasetError(
-                    f"the header of {path} has {name} in {unit!r}; allowed: {', '.join(allowed)}"
+                    f"the header of {path} has {name} in {unit!r}; allowed:"
+                    f" {', '.join(UNITS[usual])}"
                 )
-            plain = "deg" if degrees and unit_of(name) == "rad" else unit_of(name)
-            factors[name] = allowed[unit or plain]
+            plain = "deg" if degrees and usual == "rad" else usual
+            factors[name] = UNITS[usual][unit or plain]
     return Header(tuple(names), factors, tuple(unused))
 
 
@@ -213,51 +210,44 @@ def _rows(
 Fields = dict[str, tuple[str, ...]]  # of each column
 
 
-def _with_points(path: Path, columns: Fields, row: ndarray) -> tuple[Fields, bool]:
-    """Return columns with decimal points, and whether they had commas."""
-    numbers = {name: of for name, of in columns.items() if name in NUMBERS + NOT_STATED}
-    comma = any("," in text for texts in numbers.values() for text in texts)
-    for name, texts in numbers.items() if comma else ():
+def _with_points(path: Path, numbers: Fields, row: ndarray) -> Fields:
+    """Return columns of numbers with points in place of decimal commas."""
+    for name, texts in numbers.items():
         for number, text in zip(row.tolist(), texts, strict=True):
             if "." in text or text.count(",") > 1:
                 raise DatasetError(
                     f"{path} row {number}: {name} is {text!r}, and numbers of this file have"
                     " commas; write decimal points everywhere, and nothing between thousands"
                 )
-    with_points = {name: tuple(t.replace(",", ".") for t in of) for name, of in numbers.items()}
-    return columns | with_points, comma
+    return {name: tuple(text.replace(",", ".") for text in of) for name, of in numbers.items()}
 
 
 def _pushes(path: Path, columns: Fields, row: ndarray, factors: Mapping[str, float]) -> RealPushes:
-    count = len(row)
-    texts = {}
-    for name in TEXTS:
-        texts[name] = np.array(columns.get(name, count * ("",)))
-        for wrong in np.flatnonzero(np.char.str_len(texts[name]) > LONGEST_TEXT):
+    count, empty = len(row), len(row) * ("",)
+    texts = {name: np.array(columns.get(name, empty)) for name in TEXTS}
+    for name, values in texts.items():
+        for wrong in np.flatnonzero(np.char.str_len(values) > LONGEST_TEXT):
             raise DatasetError(f"{path} row {row[wrong]}: {name} is longer than {LONGEST_TEXT}")
     if not texts["object"].all():
         raise DatasetError(f"{path} row {row[np.argmin(texts['object'] != '')]}: object is empty")
     texts["run"] = np.where(texts["run"] == "", path.stem[:LONGEST_TEXT], texts["run"])
-    numbers = {name: _numbers(path, name, columns[name], row) for name in NUMBERS}
-    for name in NOT_STATED:
-        given = columns.get(name, count * ("",))
-        stated = np.array([text != "" for text in given])
-        numbers[name] = np.full(count, np.nan)
-        some = tuple(text for text in given if text)
-        numbers[name][stated] = _numbers(path, name, some, row[stated])
-    numbers = {name: factors.get(name, 1.0) * of for name, of in numbers.items()}
+    numbers = {
+        name: factors.get(name, 1.0) * _numbers(path, name, columns.get(name, empty), row)
+        for name in UNIT_OF
+    }
     poses = {key: np.column_stack([numbers.pop(n) for n in names]) for key, names in POSES.items()}
     file = np.zeros(count, np.int64)
     return RealPushes(**texts, **poses, **numbers, file=file, row=row, files=(str(path),))
 
 
 def _numbers(path: Path, name: str, texts: tuple[str, ...], row: ndarray) -> ndarray:
-    numbers = np.empty(len(texts))
+    """Return a column of numbers (M,); NaN where one that may be left empty is."""
+    numbers = np.full(len(texts), nan)
     for place, text in enumerate(texts):
-        try:
+        if not text and name in NOT_STATED:
+            continue
+        with suppress(ValueError):
             numbers[place] = float(text) if "_" not in text else nan
-        except ValueError:
-            numbers[place] = nan
         if not isfinite(numbers[place]):
             what = repr(text[:LONGEST_TEXT])
             raise DatasetError(f"{path} row {row[place]}: {name} is {what}; give a finite number")
@@ -284,6 +274,11 @@ class Recordings:
     notes: tuple[str, ...]  # lines about what was left out or turned round
     paths: tuple[Path, ...]  # the files
 
+    def select(self, rows: Mask) -> Self:
+        """Return some of the pushes."""
+        keys = [self.keys[row] for row in np.flatnonzero(rows)]
+        return replace(self, pushes=self.pushes.select(rows), keys=keys)
+
 
 def read_recordings(
     paths: Sequence[Path],
@@ -301,26 +296,29 @@ def read_recordings(
     cannot be, a body without an outline, or a tool without a radius.
     """
     found, notes = _find(paths)
+    shapes = shapes or _outlines_beside(paths[0])
+    stated = read_stated(shapes) if shapes else StatedBodies({})
+    tip_radius = stated.tip_radius if tip_radius is None else tip_radius
+    published = TIP_RADIUS if tip_radius is None else tip_radius
     logs = [path for path in found if form_of(path) == MAT]
-    read = dict(zip(logs, read_mats(logs), strict=True))
-    read |= {path: read_npz(path) for path in found if form_of(path) == NPZ}
+    read = dict(zip(logs, read_logs(logs, published), strict=True))
     for path in found:
-        if form_of(path) == CSV:
+        if form_of(path) == NPZ:
+            read[path] = read_npz(path, published)
+        elif form_of(path) == CSV:
             read[path], of_file = read_csv(path, degrees)
             notes += of_file
     pushes = joined([read[path] for path in found])
     if (same := pushes.same_as_before()).any():
         notes.append(f"{same.sum():,} rows state a push of another row once more: left out")
         pushes = pushes.select(~same)
-    if shapes is None:
-        folder = paths[0] if paths[0].is_dir() else paths[0].parent
-        beside = [file for file in sorted(folder.iterdir()) if file.name.lower() in BESIDE]
-        if len(beside) > 1:
-            names = " and ".join(map(str, beside))
-            raise DatasetError(f"{names} both state outlines; name one of them (--shapes)")
-        shapes = next(iter(beside), None)
-    stated = read_stated(shapes) if shapes else StatedBodies({})
-    _complete_radii(pushes, stated.tip_radius if tip_radius is None else tip_radius)
+    if (unknown := np.isnan(pushes.tip_radius)).any():
+        if tip_radius is None:
+            raise DatasetError(
+                f"{pushes.where(int(np.argmax(unknown)))} does not state the radius of the tool;"
+                " give --tip-radius or a column tip_radius"
+            )
+        pushes.tip_radius[unknown] = tip_radius
     pushes = check_real(pushes)
     bodies, keys = _bodies(pushes, stated, shapes)
     notes += [
@@ -329,6 +327,16 @@ def read_recordings(
         for note in body.mended
     ]
     return Recordings(pushes, bodies, keys, tuple(notes), tuple(found))
+
+
+def _outlines_beside(path: Path) -> Path | None:
+    """Return the file of outlines in the same folder, if there is one."""
+    folder = path if path.is_dir() else path.parent
+    beside = [file for file in sorted(folder.iterdir()) if file.name.lower() in BESIDE]
+    if len(beside) > 1:
+        names = " and ".join(map(str, beside))
+        raise DatasetError(f"{names} both state outlines; name one of them (--shapes)")
+    return next(iter(beside), None)
 
 
 def form_of(path: Path) -> str:
@@ -354,7 +362,7 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
             continue
         inside = [file for file in sorted(path.iterdir()) if file.name.lower() not in BESIDE]
         pushes = [file for file in inside if form_of(file) in SUFFIXES]
-        found += (own := [one for one in pushes if form_of(one) != NPZ or is_one_push(one)])
+        found += (own := [one for one in pushes if form_of(one) != NPZ or is_published(one)])
         if not pushes:
             raise DatasetError(f"{path} holds no {', '.join(SUFFIXES)}; {FOUND_AT}")
         if others := [file.name for file in inside if file not in own]:
@@ -363,21 +371,6 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     if not 0 < len(found) <= MOST_FILES:
         raise DatasetError(f"{len(found)} files of pushes were found; allowed: 1 to {MOST_FILES}")
     return found, notes
-
-
-def _complete_radii(pushes: RealPushes, tip_radius: float | None) -> None:
-    """Fill in the radius of the tool where rows do not state it; the published form has its own."""
-    unknown = np.isnan(pushes.tip_radius)
-    if tip_radius is not None:
-        pushes.tip_radius[unknown] = tip_radius
-        return
-    own = np.array([form_of(Path(file)) != CSV for file in pushes.files])[pushes.file]
-    pushes.tip_radius[unknown & own] = PUBLISHED_TIP_RADIUS
-    if (missing := unknown & ~own).any():
-        row = pushes.where(int(np.argmax(missing)))
-        raise DatasetError(
-            f"{row} does not state the radius of the tool; give --tip-radius or a column tip_radius"
-        )
 
 
 def _bodies(
@@ -390,23 +383,22 @@ def _bodies(
     for index, (name, radius) in enumerate(pairs):
         key = (name, 0.0 if name in stated.bodies else radius)
         keys.append(key)
-        if key in bodies:
-            continue
-        if name in stated.bodies:
-            bodies[key] = stated.bodies[name]
-            continue
-        where = f"{shapes} states no" if shapes else "no file (--shapes) states an"
-        try:
-            shape = get_shape(name)
-        except ConfigError as error:
-            raise DatasetError(
-                f"{pushes.where(index)}: {where} outline of {name!r}, and it is no shape of the"
-                " library"
-            ) from error
-        if not radius:
-            raise DatasetError(
-                f"{pushes.where(index)}: {where} outline of {name!r}; for the shape of the library"
-                " give its circumscribed radius [m] in the column radius"
-            )
-        bodies[key] = BodyOutline(shape, radius / shape.circumradius, (0.0, 0.0))
+        if key not in bodies:
+            where = f"{shapes} states no" if shapes else "no file (--shapes) states an"
+            missing = f"{pushes.where(index)}: {where} outline of {name!r}"
+            bodies[key] = stated.bodies.get(name) or _of_library(name, radius, missing)
     return bodies, keys
+
+
+def _of_library(name: str, radius: float, missing: str) -> BodyOutline:
+    """Return a shape of the library with a circumscribed radius [m]; 0: it is not stated."""
+    try:
+        shape = get_shape(name)
+    except ConfigError as error:
+        raise DatasetError(f"{missing}, and it is no shape of the library") from error
+    if not radius:
+        raise DatasetError(
+            f"{missing}; for the shape of the library give its circumscribed radius [m] in the"
+            " column radius"
+        )
+    return BodyOutline(shape, radius / shape.circumradius, (0.0, 0.0))

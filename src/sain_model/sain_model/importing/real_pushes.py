@@ -1,13 +1,8 @@
-"""Pushes as a laboratory recorded them: one body on a surface, poses before and after, the tool.
-
-Zhou et al. published real pushes as an ``.npz`` of many of their logs, with `COLUMNS` in m, rad and
-m/s. The logs themselves are in `importing.mat_logs`.
-"""
+"""Pushes as a laboratory recorded them: one body on a surface, poses before and after, the tool."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from math import pi
-from pathlib import Path
 from typing import Final, Self
 
 import numpy as np
@@ -19,13 +14,13 @@ from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import LENGTH, SPEED, TIP_RADIUS, allowed_ranges
 from sain_core.scene import unit, wrap_angle
 from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
-from sain_core.storage import read_arrays
 from sain_core.types import Indices, Mask
 
 FARTHEST: Final = 10.0  # [m], of a place on a table; farther away it is no metre
 MOST_TURN: Final = 2 * pi + 1e-6  # [rad], of a heading; beyond it is no radian
 IN_DEGREES: Final = "of a CSV file the option --degrees, or the columns theta0_deg and theta1_deg"
 LONGEST_TEXT: Final = 64
+MOST_PUSHES: Final = 1_000_000  # of a file
 FOUND_AT: Final = (
     "the public pushes of Yu et al. (2016) are in folder mcube_data_proc/motion_model_eval_logs of"
     " github.com/robinzhoucmu/PlanarManipulationToolBox"
@@ -59,10 +54,14 @@ class RealPushes:
         """Return in words where a push is."""
         return f"{self.files[int(self.file[index])]} row {self.row[index]}"
 
+    @property
+    def arrays(self) -> dict[str, ndarray]:
+        """All columns by name; each has one row a push."""
+        return {name: array for name, array in vars(self).items() if name != "files"}
+
     def select(self, rows: Mask | Indices) -> Self:
         """Return some of the pushes."""
-        arrays = [item.name for item in fields(self) if item.name != "files"]
-        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
+        return replace(self, **{name: array[rows] for name, array in self.arrays.items()})
 
     @property
     def length(self) -> Float[ndarray, "M"]:
@@ -94,17 +93,11 @@ class RealPushes:
 
 def joined(parts: Sequence[RealPushes]) -> RealPushes:
     """Return the pushes of many files."""
-    files: list[str] = []
-    numbered = []
-    for part in parts:
-        numbered.append(part.file + len(files))
-        files += part.files
-    values = {
-        item.name: np.concatenate([getattr(part, item.name) for part in parts])
-        for item in fields(RealPushes)
-        if item.name not in ("file", "files")
-    }
-    return RealPushes(**values, file=np.concatenate(numbered), files=tuple(files))
+    firsts = np.cumsum([0, *(len(part.files) for part in parts)])
+    numbered = [replace(p, file=p.file + n) for p, n in zip(parts, firsts[:-1], strict=True)]
+    columns = [part.arrays for part in numbered]
+    values = {name: np.concatenate([one[name] for one in columns]) for name in columns[0]}
+    return RealPushes(**values, files=tuple(file for part in parts for file in part.files))
 
 
 def check_real(pushes: RealPushes) -> RealPushes:
@@ -162,71 +155,3 @@ def _refuse(pushes: RealPushes, wrong: Mask, name: str, values: ndarray, hint: s
         index = int(np.argmax(wrong))
         value = np.array2string(np.asarray(values[index]), precision=5)
         raise DatasetError(f"{pushes.where(index)}: {name} is {value}; {hint}")
-
-
-COLUMNS: Final = {  # of the npz: numbers of a row; none: text
-    "surface": None,
-    "shape": None,
-    "speed": 0,
-    "init_pose": 3,
-    "final_pose": 3,
-    "tip_init": 2,
-    "tip_final": 2,
-}
-PUBLISHED_TIP_RADIUS: Final = 0.00475  # [m], of that laboratory's tool, which no file states
-MOST_PUSHES: Final = 1_000_000
-
-
-def is_one_push(path: Path) -> bool:
-    """Return whether an npz is of this form; raises `DatasetError` where it is damaged."""
-    return set(COLUMNS) <= set(read_arrays(path))
-
-
-def read_npz(path: Path) -> RealPushes:
-    """Return the pushes of an npz; raises `DatasetError`: it is damaged, or of another form."""
-    arrays = read_arrays(path)
-    if missing := [name for name in COLUMNS if name not in arrays]:
-        raise DatasetError(f"{path} is of another form: it lacks {', '.join(missing)}")
-    count = len(arrays["speed"]) if arrays["speed"].ndim else 0
-    if not 0 < count <= MOST_PUSHES:
-        raise DatasetError(f"{path} has {count} pushes; allowed: 1 to {MOST_PUSHES:,}")
-    for name, size in COLUMNS.items():
-        shape = (count, size) if size else (count,)
-        kinds, wanted = ("U", "text") if size is None else ("fiu", "real numbers")
-        found = arrays[name]
-        if found.shape != shape or found.dtype.kind not in kinds:
-            raise DatasetError(
-                f"{path}: {name} is {found.dtype} of shape {found.shape}; it should be {wanted} of"
-                f" shape {shape}"
-            )
-    poses = [arrays[name].astype(np.float64) for name in list(COLUMNS)[2:]]
-    return published_pushes(path, arrays["surface"], arrays["shape"], *poses)
-
-
-def published_pushes(
-    path: Path, surface: ndarray, body: ndarray, speed: ndarray, *poses: ndarray
-) -> RealPushes:
-    """Return pushes of a published file; poses are before and after, then the tool's ends."""
-    count = len(speed)
-    unknown = np.full(count, np.nan)
-    runs = (
-        f"{ground}_{name}_v{1e3 * fast:g}"
-        for ground, name, fast in zip(surface.tolist(), body.tolist(), speed.tolist(), strict=True)
-    )
-    before, after, tip_start, tip_end = poses
-    return RealPushes(
-        surface,
-        body,
-        np.array(list(runs)),
-        before,
-        after,
-        tip_start,
-        tip_end,
-        speed,
-        unknown.copy(),
-        unknown,
-        unknown,
-        np.zeros(count, np.int64),
-        np.arange(count) + 1,
-        (str(path),),
-    )

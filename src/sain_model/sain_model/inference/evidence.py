@@ -6,10 +6,9 @@ row and unknown. Noise of the observation, where it is stated, is added to the s
 parameters is inferred by how well each of its places explains the pushes.
 """
 
-from collections import OrderedDict
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from threading import Lock
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property, lru_cache
 from typing import Final, Self
 
 import numpy as np
@@ -20,7 +19,7 @@ from scipy.special import logsumexp
 
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.transitions import Transitions
+from sain_core.transitions import Transitions, as_scenes
 from sain_core.types import Indices, Mask, Scalars
 from sain_model.inference.kinds import Kind, Places
 from sain_model.physics.parameters import Values
@@ -48,14 +47,18 @@ class ObservedPushes(Transitions):
 
     def select(self, rows: Mask | Indices | slice) -> Self:
         """Return some pushes, any of them as often as its number is given."""
-        some = super().select(rows)
-        if self.given is None:
-            return some
-        return replace(some, given={name: values[rows] for name, values in self.given.items()})
+        return replace(super().select(rows), given=self.given and self.given_at(rows))
 
-    def in_episodes(self, episode: Int[ndarray, "M"]) -> Self:
-        """Return the same pushes with other episodes."""
-        return replace(self, episode=episode)
+    def given_at(self, rows: Mask | Indices | slice) -> dict[str, ndarray]:
+        """Return the given values of some pushes, by name."""
+        return {name: values[rows] for name, values in (self.given or {}).items()}
+
+    @property
+    def alone(self) -> "ObservedPushes":
+        """The same pushes without what a data set states besides."""
+        return ObservedPushes(
+            **{item.name: getattr(self, item.name) for item in fields(ObservedPushes)}
+        )
 
     @cached_property
     def scale(self) -> Float[ndarray, "M N"]:
@@ -79,36 +82,38 @@ class Known:
     matrix: csr_matrix
 
     @classmethod
-    def everything(cls, pushes: int) -> Self:
-        """Return one row with all pushes."""
-        return cls(csr_matrix(np.ones((1, pushes))))
-
-    @classmethod
-    def first(cls, pushes: int, counts: Int[ndarray, "R"]) -> Self:
+    def first(cls, pushes: int, counts: Sequence[int] | Int[ndarray, "R"]) -> Self:
         """Return rows with so many of the first pushes each."""
-        matrix = np.arange(pushes) < counts[:, None]
+        matrix = np.arange(pushes) < np.asarray(counts)[:, None]
         return cls(csr_matrix(matrix.astype(np.float64)))
 
     @classmethod
     def of_episodes(cls, episodes: Int[ndarray, "M"], count: int) -> Self:
         """Return a row for each of so many episodes, with all of its pushes."""
-        order, size = np.argsort(episodes, kind="stable"), len(episodes)
-        return cls(csr_matrix((np.ones(size), (episodes[order], order)), shape=(count, size)))
+        size = len(episodes)
+        return cls(csr_matrix((np.ones(size), (episodes, np.arange(size))), shape=(count, size)))
 
     @classmethod
     def earlier(cls, episodes: Int[ndarray, "M"], steps: Int[ndarray, "M"]) -> Self:
         """Return a row for each push, with the earlier pushes of its episode."""
-        order, first, _ = _in_episodes(episodes, steps)
-        return cls(_of_ranges(order, first, np.arange(len(order)) - first))
+        return cls._among(episodes, lambda row, push: steps[push] < steps[row])
 
     @classmethod
     def others(cls, episodes: Int[ndarray, "M"]) -> Self:
         """Return a row for each push, with all other pushes of its episode, later ones too."""
-        order, first, count = _in_episodes(episodes, np.zeros_like(episodes))
-        matrix = _of_ranges(order, first, count)
-        matrix.setdiag(0.0)
-        matrix.eliminate_zeros()
-        return cls(matrix)
+        return cls._among(episodes, lambda row, push: row != push)
+
+    @classmethod
+    def _among(
+        cls, episodes: Int[ndarray, "M"], counts: Callable[[ndarray, ndarray], ndarray]
+    ) -> Self:
+        """Return a row for each push, with those pushes of its episode that count."""
+        labels, number = np.unique(episodes, return_inverse=True)
+        own = cls.of_episodes(number, len(labels)).matrix
+        same = (own.T @ own).tocoo()
+        chosen = counts(same.row, same.col)
+        pairs = same.row[chosen], same.col[chosen]
+        return cls(csr_matrix((np.ones(chosen.sum()), pairs), shape=same.shape))
 
     @property
     def rows(self) -> int:
@@ -137,33 +142,13 @@ class Known:
     def gather(self, values: Float[ndarray, "P *V"]) -> Float[ndarray, "R *V"]:
         """Return sums over the pairs of each row."""
         count = len(values)
-        pairs = csr_matrix(
-            (np.ones(count), np.arange(count), self.matrix.indptr), shape=(self.rows, count)
-        )
-        return type(self)(pairs).total(values)
+        pairs = np.ones(count), np.arange(count), self.matrix.indptr
+        return type(self)(csr_matrix(pairs, shape=(self.rows, count))).total(values)
 
     def total(self, values: Float[ndarray, "M *V"]) -> Float[ndarray, "R *V"]:
         """Return sums over the pushes of each row."""
         sums = self.matrix @ values.reshape(len(values), int(np.prod(values.shape[1:])))
         return np.asarray(sums).reshape(self.rows, *values.shape[1:])
-
-
-def _in_episodes(episodes: ndarray, steps: ndarray) -> tuple[ndarray, ndarray, ndarray]:
-    """Return pushes by episode and step, where each one's episode begins, and its size."""
-    order = np.lexsort((steps, episodes))
-    _, first, place, count = np.unique(
-        episodes[order], return_index=True, return_inverse=True, return_counts=True
-    )
-    return order, first[place], count[place]
-
-
-def _of_ranges(order: ndarray, first: ndarray, count: ndarray) -> csr_matrix:
-    """Return the matrix in which push order[i] has pushes order[first[i] : first[i] + count[i]]."""
-    size = len(order)
-    ends = np.cumsum(count)
-    places = np.arange(ends[-1] if size else 0) - np.repeat(ends - count - first, count)
-    rows = np.repeat(order, count)
-    return csr_matrix((np.ones(len(places)), (rows, order[places])), shape=(size, size))
 
 
 def errors_of(predicted: ndarray, truth: ndarray) -> Float[ndarray, "*B N 3"]:
@@ -190,6 +175,7 @@ def over_factors(log_densities: Float[ndarray, "*B K"]) -> Float[ndarray, "*B"]:
 
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
 KEPT: Final = 256  # pushes
+FEW: Final = 64  # of a history whose curves are kept
 
 Curves = Float[ndarray, "M G K"]  # logarithm of the density of each push at each place and factor
 
@@ -216,54 +202,42 @@ def marginals(kind: Kind, totals: Float[ndarray, "R G K"]) -> Marginals:
 
 
 def curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
-    """Return how well each place of a kind's grid explains each push."""
-    grid = kind.values(kind.grid)
-    count, bodies = len(kind.grid), pushes.bodies
+    """Return how well each place of a kind's grid explains each push.
+
+    Those of a few pushes are kept for the next history, which has one push more.
+    """
+    if len(pushes) <= FEW and pushes.given is None:
+        noise = pushes.state[:, :0] if pushes.noise is None else pushes.noise
+        columns = pushes.state, pushes.action, pushes.next_state, noise
+        rows = [[part[index].tobytes() for part in columns] for index in range(len(pushes))]
+        kept = [_kept_curves(kind, pushes.bodies, *row) for row in rows]
+        return np.stack(kept) if kept else _curves_of(kind, pushes)
+    return _curves_of(kind, pushes)
+
+
+@lru_cache(KEPT)
+def _kept_curves(kind: Kind, bodies: Bodies, *row: bytes) -> Float[ndarray, "G K"]:
+    """Return the curves of one push, whose arrays are given as bytes."""
+    state, action, after, noise = (np.frombuffer(part)[None].copy() for part in row)
+    scenes = as_scenes(state), action, as_scenes(after)
+    one = ObservedPushes(*scenes, np.zeros(1, np.int64), bodies, noise if noise.size else None)
+    return _curves_of(kind, one)[0]
+
+
+def _curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
+    grid, count = kind.values(kind.grid), len(kind.grid)
     size, parts = max(CHUNK // count, 1), [np.empty((0, count, len(FACTORS)))]
     for first in range(0, len(pushes), size):
         part = pushes.select(slice(first, first + size))
-        many = part.select(np.repeat(np.arange(len(part)), count))
+        rows = np.repeat(np.arange(len(part)), count)
         values = {name: np.tile(some, len(part)) for name, some in grid.items()}
-        after = kind.step(bodies, many.state, many.action, values | dict(many.given or {}))
+        after = kind.step(
+            pushes.bodies, part.state[rows], part.action[rows], values | part.given_at(rows)
+        )
         after = after.reshape(len(part), count, *after.shape[1:])
         scales = part.scales(FACTORS)[:, None]
         parts.append(log_density(errors_of(after, part.next_state[:, None]), scales))
     return np.concatenate(parts)
-
-
-@dataclass(frozen=True, eq=False)
-class LatestCurves:
-    """Curves of the latest pushes, kept for the next history: that has one push more."""
-
-    _kept: OrderedDict[tuple[int, bytes], tuple[Kind, ndarray]] = field(default_factory=OrderedDict)
-    _lock: Lock = field(default_factory=Lock)
-
-    def of(self, kind: Kind, pushes: ObservedPushes) -> Curves:
-        """Return the curves of some pushes; only those of new ones are computed."""
-        if len(pushes) > KEPT // 4 or pushes.given is not None:
-            return curves_of(kind, pushes)
-        noise = pushes.state[:, :0] if pushes.noise is None else pushes.noise
-        rows = zip(pushes.state, pushes.action, pushes.next_state, noise, strict=True)
-        about = id(kind), repr(pushes.bodies).encode()
-        keys = [(about[0], b"".join([about[1], *(part.tobytes() for part in row)])) for row in rows]
-        with self._lock:
-            found = {key: self._kept[key] for key in keys if key in self._kept}
-        new = [index for index, key in enumerate(keys) if key not in found]
-        if new:
-            fresh = curves_of(kind, pushes.select(np.array(new)))
-            found |= {keys[index]: (kind, one) for index, one in zip(new, fresh, strict=True)}
-        with self._lock:
-            for key in keys:
-                self._kept[key] = found[key]
-                self._kept.move_to_end(key)
-            while len(self._kept) > KEPT:
-                self._kept.popitem(last=False)
-        if not keys:
-            return curves_of(kind, pushes)
-        return np.stack([found[key][1] for key in keys])
-
-
-LATEST: Final = LatestCurves()
 
 
 def grid_values(kind: Kind, pushes: ObservedPushes, known: Known) -> dict[str, Scalars]:
@@ -275,5 +249,5 @@ def grid_values(kind: Kind, pushes: ObservedPushes, known: Known) -> dict[str, S
     """
     if not kind.on_grid:
         return {}
-    values = kind.values(marginals(kind, known.total(LATEST.of(kind, pushes))).places)
+    values = kind.values(marginals(kind, known.total(curves_of(kind, pushes))).places)
     return {name: values[name] for name in kind.on_grid}

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
-from sain_core.types import Mask
+from sain_core.types import Indices, Mask
 from sain_model.inference.evidence import (
     FACTORS,
     SIZE,
@@ -44,6 +44,11 @@ class Fit:
     normal: "Normal"  # the normal equations there, for the noise of `factor`
     factor: Float[ndarray, "R"]  # of the noise, of each problem
     log_evidence: Float[ndarray, "R"]  # by Laplace's approximation
+
+    @property
+    def evidence(self) -> float:
+        """The logarithm of the evidence of the first problem."""
+        return float(self.log_evidence[0])
 
     @property
     def covariance(self) -> Float[ndarray, "C D D"]:
@@ -112,12 +117,14 @@ class Reduced:
 
 
 def fit(
-    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], problem: Int[ndarray, "C"], steps: int
+    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], steps: int, together: bool = False
 ) -> Fit:
     """Return the most likely parameters of each problem, after so many steps at most.
 
-    Each of the C episodes that `parts` count has a first vector z and a problem.
+    Each of the C episodes that `parts` count has a first vector z. They are one problem `together`,
+    or each is a problem alone.
     """
+    problem = np.zeros(len(start), np.int64) if together else np.arange(len(start))
     places, count = start.copy(), 1 + int(problem.max())
     totals = _totals(kind, parts, places, problem, count)
     damping, goes_on = np.zeros(count, np.int64), np.ones(count, dtype=bool)
@@ -173,19 +180,20 @@ def slopes_of(
     step = np.where(kind.at_most(places + DIFFERENCE), -DIFFERENCE, DIFFERENCE)  # (P, D)
     many = np.repeat(places[:, None], count + 1, axis=1)
     many[:, 1:] += step[:, None] * np.eye(count)
-    many = many.reshape(-1, count)
-    again = pushes.select(np.repeat(np.arange(len(places)), count + 1))
-    errors = errors_at(kind, again, many)
+    rows = np.repeat(np.arange(len(places)), count + 1)
+    errors = errors_at(kind, pushes, many.reshape(-1, count), rows)
     errors = errors.reshape(len(places), count + 1, *errors.shape[1:])
     slopes = (errors[:, 1:] - errors[:, :1]) / step[..., None, None]
     return errors[:, 0], np.moveaxis(slopes, 1, -1)
 
 
-def errors_at(kind: Kind, pushes: ObservedPushes, places: Places) -> Float[ndarray, "P N 3"]:
-    """Return errors [m] of predictions, each with parameters z of its own (P, D)."""
-    values = kind.values(places) | dict(pushes.given or {})
-    after = kind.step(pushes.bodies, pushes.state, pushes.action, values)
-    return errors_of(after, pushes.next_state)
+def errors_at(
+    kind: Kind, pushes: ObservedPushes, places: Places, rows: Indices | slice = slice(None)
+) -> Float[ndarray, "P N 3"]:
+    """Return errors [m] of predictions of these rows, each with parameters z of its own (P, D)."""
+    values = kind.values(places) | pushes.given_at(rows)
+    after = kind.step(pushes.bodies, pushes.state[rows], pushes.action[rows], values)
+    return errors_of(after, pushes.next_state[rows])
 
 
 def _totals(

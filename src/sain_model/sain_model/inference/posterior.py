@@ -5,7 +5,7 @@ believed. About the kind with the greatest evidence, all parameters are inferred
 Gauss-Newton. What has the greatest evidence predicts.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Self
 
 import numpy as np
@@ -16,9 +16,9 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.inference.evidence import (
     FACTORS,
-    LATEST,
     Known,
     ObservedPushes,
+    curves_of,
     marginals,
 )
 from sain_model.inference.gauss_newton import fit
@@ -91,9 +91,9 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         if not len(some) or len(kind.on_grid) == len(kind.names):
             continue
         part, count = known.of_rows(some), len(kind.names)
-        observed = pushes.select(part.push).in_episodes(part.row)
+        observed = replace(pushes.select(part.push), episode=part.row)
         steps = STEPS_OF_BODIES if kind.of_bodies else STEPS
-        found = fit(kind, [observed], places[some, :count], np.arange(len(some)), steps)
+        found = fit(kind, [observed], places[some, :count], steps)
         together = found.log_evidence + kind.log_odds_of(pushes.bodies)
         better = together > log_evidence[some, best[some]]
         inferred[some] = better
@@ -138,4 +138,4 @@ def _curves(kind: Kind, pushes: ObservedPushes) -> Float[ndarray, "M G K"]:
     """Return how well places of a grid explain pushes; nothing of what cannot be is computed."""
     if kind.log_odds_of(pushes.bodies) == -np.inf:
         return np.zeros((len(pushes), len(kind.grid), len(FACTORS)))
-    return LATEST.of(kind, pushes)
+    return curves_of(kind, pushes)

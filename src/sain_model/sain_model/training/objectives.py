@@ -254,7 +254,7 @@ def inferred_values(data: Part, kind: Kind) -> Values:
 
     Values that the data give are as given.
     """
-    found = grid_values(kind, data.observed, Known.others(data.episode))
+    found = grid_values(kind, data, Known.others(data.episode))
     return found | dict(data.given or {})
 
 
