@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -6,11 +7,12 @@ import torch
 
 from sain_core.model import Model
 from sain_core.push import BODY, LENGTH, LOCATION, SPEED, PushLimits
-from sain_core.scene import MASS, POSITION, make_scene, unit
+from sain_core.scene import MASS, POSITION, THETA, make_scene, unit, wrap_angle
 from sain_core.types import Pushes, Scenes
-from sain_model.data.dataset import Split
+from sain_model.data.dataset import Part, Split
 from sain_model.dynamics.load import ModelCard, card_path, parse_card
 from sain_model.inference.kinds import friction_kind
+from sain_model.network.features import turn
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -33,6 +35,24 @@ def random_network(scale: float, seed: int = 0, **size: object) -> InteractionNe
         for parameter in network.parameters():
             parameter.add_(scale * torch.randn_like(parameter))
     return network.eval()
+
+
+def apply_residual(physics: Scenes, frames: Pushes, residual: np.ndarray) -> Scenes:
+    """Return predictions corrected by residuals (B, N, 3) that are given in the push frame."""
+    corrected = physics.copy()
+    corrected[..., POSITION] += turn(residual[..., :2], frames[:, LOCATION])
+    corrected[..., THETA] = wrap_angle(physics[..., THETA] + residual[..., 2])
+    return corrected
+
+
+def make_part(
+    scenes: Scenes, pushes: Pushes, after: Scenes, episode: np.ndarray, **about: Any
+) -> Part:
+    """Return pushes of which no more is stated than `about`."""
+    columns = {"state": scenes, "action": pushes, "next_state": after, "physics_next": scenes}
+    columns |= {"floor_next": np.full_like(scenes, np.nan), "step": np.arange(len(pushes))}
+    columns |= {"friction": np.full(len(pushes), np.nan), "episode": episode}
+    return Part(**(columns | about))
 
 
 def read_card(path: Path) -> ModelCard:

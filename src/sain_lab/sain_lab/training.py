@@ -20,7 +20,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 import numpy as np
 
@@ -170,8 +170,9 @@ def data_of(results: list[Result]) -> "Dataset":
     parts = []
     for some in observed(results)[0]:
         unknown, nothing = np.full(len(some), np.nan), np.full(some.state.shape, np.nan)
-        about = {"friction": unknown, "floor_next": nothing, "step": np.arange(len(some))}
-        parts.append(Part(**vars(replace(some, noise=None)), **about, physics_next=some.state))
+        about: dict[str, Any] = vars(replace(some, noise=None))
+        about |= {"friction": unknown, "floor_next": nothing, "step": np.arange(len(some))}
+        parts.append(Part(**about, physics_next=some.state))  # no prediction is needed
     return Dataset(tuple(parts), digest)
 
 

@@ -24,6 +24,7 @@ from sain_model.network.settings import NetworkConfig
 from sain_model.training.fit import fit, identified_kind
 from sain_model.training.record import make_card
 from sain_model.training.settings import TrainingConfig, TrainOptions
+from tests.sain_model.conftest import make_part
 
 TRUTH = {  # values of bodies on surfaces, by object and surface
     ("square", "steel"): {"tool_friction": 0.3, "torsion": 1.0, "centre_x": 0.05},
@@ -44,12 +45,9 @@ def pushed(name: str, surface: str, count: int, seed: int = 0) -> Part:
     strokes = make_stroke(start, heading, 0.05, speed=0.02, tip_radius=0.005)
     values = {one: np.full(count, value) for one, value in TRUTH[name, surface].items()}
     after = surface_kind().step(bodies, states, strokes, values)
-    nothing = np.full(count, np.nan)
-    return Part(
-        states, strokes, after, states, np.arange(count) + 1000 * seed, np.arange(count), nothing,
-        np.full_like(states, np.nan), bodies, np.full(count, surface), np.full(count, name),
-        np.full(count, "1"),
-    )  # fmt: skip
+    about = {"surface": np.full(count, surface), "object": np.full(count, name)}
+    about["run"], episode = np.full(count, "1"), np.arange(count) + 1000 * seed
+    return make_part(states, strokes, after, episode, bodies=bodies, **about)
 
 
 @pytest.fixture(scope="module")

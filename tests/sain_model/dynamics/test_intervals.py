@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sain_core.shapes.bodies import Bodies
-from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.training.interval_fit import fit_disk, fit_regions, with_regions
+from tests.sain_model.conftest import make_part
 
 
 def draw(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +55,6 @@ def test_headings_have_regions_of_the_same_kind():
     scenes = np.zeros((3000, 1, 8))
     scenes[..., 6:] = 0.2, 0.05  # mass and radius
     pushes = np.zeros((3000, 5))
-    unknown = np.full(3000, np.nan)
     after = scenes.copy()
     after[:, 0, 0] += 0.02 + random.normal(0.0, 1e-3, 3000)
     after[:, 0, 2] += random.normal(0.0, 0.04, 3000)
@@ -65,7 +64,7 @@ def test_headings_have_regions_of_the_same_kind():
     predicted = Prediction(mean, nothing, nothing)
     episode = np.arange(3000)
     bodies = Bodies.named(["box_3x2"])
-    part = Part(scenes, pushes, after, mean, episode, 0 * episode, unknown, after, bodies)
+    part = make_part(scenes, pushes, after, episode, bodies=bodies)
     about = with_regions(fit_regions([predicted], [part]), predicted, part)
     held = np.abs(after[:, 0, 2]) <= about.turn[:, 0]
     assert held.mean() == pytest.approx(0.9, abs=0.02)

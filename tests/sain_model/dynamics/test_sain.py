@@ -7,16 +7,15 @@ from sain_core.push import LENGTH
 from sain_core.scene import POSITION, THETA, X, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_model.data.dataset import Part
 from sain_model.dynamics.intervals import Intervals, Region
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
-from sain_model.network.features import apply_residual, true_residual
+from sain_model.network.features import true_residual
 from sain_model.network.interaction_network import InteractionNetwork, ensemble
 from sain_model.physics.parameters import PlanarConfig
 from sain_model.physics.planar import PlanarPrior
-from tests.sain_model.conftest import push_two_bodies, random_network
+from tests.sain_model.conftest import apply_residual, make_part, push_two_bodies, random_network
 from tests.strokes import rotate_pushes, rotate_scenes
 
 NARROW = {"hidden": 16, "message": 8}
@@ -127,8 +126,7 @@ def test_earlier_pushes_widen_regions_in_a_world_unlike_home(shaped):
     assert told.widening[0] > 2.0
     assert shaped.condition(PushHistory(state[:0], action[:0], following[:0])).widening[0] == 1.0
     radius = told.predict(scenes[5:], pushes[5:]).radius
-    nothing, step = np.full(6, 0.19), np.arange(6)
-    episode = Part(scenes, pushes, after, scenes, 0 * step, step, nothing, scenes, T_AND_STAR)
+    episode = make_part(scenes, pushes, after, np.zeros(6, np.int64), bodies=T_AND_STAR)
     rows = predict_with_history(shaped, episode)
     np.testing.assert_allclose(rows.radius[5:], radius, rtol=1e-6)
     first = shaped.predict(scenes[:1], pushes[:1]).radius

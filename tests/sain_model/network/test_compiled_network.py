@@ -6,7 +6,7 @@ import numba
 
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import CompiledNetwork
+from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
 from sain_model.dynamics.sain import residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.physics.planar import PlanarPrior
@@ -40,13 +40,13 @@ def test_a_rollout_is_a_loop_to_the_bit_on_any_number_of_threads():
 
 
 def predict_in_child(queue: "multiprocessing.Queue[bytes]") -> None:
-    scenes, pushes = batch(300)
-    queue.put(CompiledNetwork(WEIGHTS).correct(scenes, pushes, scenes).tobytes())
+    physics = PhysicsPrediction(*batch(300), batch(300)[0])
+    queue.put(ResidualNetwork(WEIGHTS).correct(physics).tobytes())
 
 
 def test_a_forked_process_predicts_the_same():
-    scenes, pushes = batch(300)
-    here = CompiledNetwork(WEIGHTS).correct(scenes, pushes, scenes).tobytes()
+    physics = PhysicsPrediction(*batch(300), batch(300)[0])
+    here = ResidualNetwork(WEIGHTS).correct(physics).tobytes()
     queue = multiprocessing.get_context("fork").Queue()
     child = multiprocessing.get_context("fork").Process(target=predict_in_child, args=(queue,))
     child.start()

@@ -9,7 +9,7 @@ from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import CompiledNetwork
+from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
     CONTACT_BEFORE,
@@ -31,10 +31,10 @@ from sain_model.network.features import (
     network_inputs,
     push_frames,
 )
-from sain_model.network.interaction_network import TorchNetwork
+from sain_model.network.interaction_network import as_tensors
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
-from tests.sain_model.conftest import random_network
+from tests.sain_model.conftest import apply_residual, random_network
 from tests.strokes import rotate_scenes
 
 SEEING = NetworkConfig(believed=True)
@@ -221,14 +221,18 @@ def test_kernels_say_what_pytorch_says(size):
     network, bodies = random_network(0.1, **size), bodies_of("t", "disk", "star")
     scenes, pushes, after = draw(3, 150)
     pushes[::7, LENGTH] = 0.0
-    asked = scenes, pushes, after, bodies
+    asked = PhysicsPrediction(scenes, pushes, after, bodies)
     values = draw_values(3, 150)
-    compiled = CompiledNetwork(network.weights).correct(*asked, values)
-    told = TorchNetwork(network.weights, "cpu").correct(*asked, values)
+    compiled = ResidualNetwork(network.weights).correct(asked._replace(values=values))
+    frames = push_frames(scenes, pushes, bodies)
+    seen = network_inputs(network.config, scenes, frames, after, bodies, values)
+    residual = network(*as_tensors(seen)).detach().double().numpy()
+    told = apply_residual(after, frames, residual)
+    told[::7] = after[::7]
     np.testing.assert_allclose(compiled[..., POSITION], told[..., POSITION], rtol=0, atol=2e-7)
     np.testing.assert_allclose(wrap_angle(compiled - told)[..., THETA], 0, atol=1e-5)
     np.testing.assert_array_equal(compiled[..., THETA + 1 :], told[..., THETA + 1 :])
     np.testing.assert_array_equal(compiled[::7], after[::7])
     assert np.abs(compiled - after)[..., :2].max() > 1e-3
-    other = CompiledNetwork(network.weights).correct(*asked)
+    other = ResidualNetwork(network.weights).correct(asked)
     assert (np.abs(other - compiled).max() > 1e-5) == ("believed" in size)

@@ -15,7 +15,6 @@ from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.sain import Origin, SainDynamics, residual_model
 from sain_model.inference.kinds import MASS_RATIO, friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
-from sain_model.network.settings import choose_device
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving import server as server_module
@@ -65,16 +64,6 @@ def test_what_is_too_much_is_refused_before_anything_is_computed():
     planar = ModelServer(load_dynamics("planar"), ServingConfig(max_work=8))
     with pytest.raises(TooMuchWorkError, match="61 predictions of 2 disks are 122 of work"):
         planar.friction(past(0.2, pushes=1))
-
-
-def test_a_device_that_is_not_there_is_refused(monkeypatch, sain):
-    monkeypatch.setattr("torch.cuda.is_available", lambda: False)
-    with pytest.raises(ConfigError, match="device is 'cuda', but PyTorch finds no GPU"):
-        ModelServer(sain, ServingConfig(device="cuda"))
-    with pytest.raises(ConfigError, match="allowed: 'auto', 'cpu', 'cuda'"):
-        ServingConfig(device="tpu")
-    with pytest.raises(ConfigError, match="allowed: auto, cpu, cuda"):
-        choose_device("tpu")
 
 
 class Slow(IdentityPrior):

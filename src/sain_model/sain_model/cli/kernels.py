@@ -35,12 +35,13 @@ def run_pushes() -> None:
 
 def run_network() -> None:
     """Run the network and what makes its inputs, which regions and training use."""
-    from sain_model.dynamics.residual import CompiledNetwork
+    from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
     from sain_model.network.features import network_inputs, push_frames
     from sain_model.network.settings import NetworkConfig
     from sain_model.network.weights import untrained
 
-    CompiledNetwork(untrained(NetworkConfig())).correct(SCENES, PUSHES, SCENES)
+    physics = PhysicsPrediction(SCENES, PUSHES, SCENES)
+    ResidualNetwork(untrained(NetworkConfig())).correct(physics)
     frames = push_frames(SCENES, PUSHES, Bodies.disks(2))
     network_inputs(NetworkConfig(), SCENES, frames, SCENES, Bodies.disks(2))
 

@@ -148,10 +148,6 @@ class SainDynamics(Model):
             kind.prior.with_bodies(bodies)
         return self._changed(bodies=bodies)
 
-    def on(self, device: str) -> Self:
-        """Return this model with its network on a device, ``cpu`` or ``cuda``."""
-        return replace(self, network=self.network and self.network.on(device))
-
     def physics_alone(self) -> Self:
         """Return its physics without network and history; friction alone is inferred, if any is.
 

@@ -212,16 +212,8 @@ def relation_ends(bodies: int) -> tuple[ndarray, ndarray]:
     return receiver, sender
 
 
-def apply_residual(physics_next: Scenes, frames: Strokes, residual: Residual) -> Scenes:
-    """Return the prior's prediction corrected by residuals that are given in the push frame."""
-    corrected = physics_next.copy()
-    corrected[..., POSITION] += turn(residual[..., :2], frames[:, LOCATION])
-    corrected[..., THETA] = wrap_angle(physics_next[..., THETA] + residual[..., 2])
-    return corrected
-
-
 def true_residual(next_scenes: Scenes, frames: Strokes, physics_next: Scenes) -> Residual:
-    """Return the residual that makes the prediction right: the inverse of `apply_residual`."""
+    """Return the residual that makes the prediction right."""
     missing = next_scenes[..., POSITION] - physics_next[..., POSITION]
     turned = wrap_angle(next_scenes[..., THETA] - physics_next[..., THETA])
     return np.concatenate([turn(missing, -frames[:, LOCATION]), turned[..., None]], axis=-1)

@@ -1,6 +1,6 @@
 """The interaction network of the paper's section II-C: f_rel over pairs, f_dyn over bodies.
 
-In PyTorch, for training and for a GPU; on the CPU `network.network_kernels` predicts.
+In PyTorch, for training; `network.network_kernels` predicts.
 """
 
 import functools
@@ -13,23 +13,15 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from sain_core.push import LENGTH
 from sain_core.randomness import generator
-from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.types import Pushes, Scenes
-from sain_model.compute.threads import settle_threads
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE
 from sain_model.network.features import (
     Features,
-    apply_residual,
     count_features,
-    network_inputs,
-    push_frames,
 )
 from sain_model.network.network_kernels import OUTPUTS
-from sain_model.network.settings import CPU, NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.network.weights import UNIT, NetworkWeights
-from sain_model.physics.parameters import Values
 
 CHUNK: Final = 512  # pushes at a time: what all members make of them fits the cache
 
@@ -111,44 +103,12 @@ class InteractionNetwork(nn.Module):
         return output * self.unit
 
 
-class TorchNetwork:
-    """What a network predicts on a device of PyTorch's. Features are computed on the CPU."""
-
-    def __init__(self, weights: NetworkWeights, device: str) -> None:
-        self._device = device
-        self._network = InteractionNetwork.of(weights).to(device)
-
-    def correct(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        physics_next: Scenes,
-        bodies: Bodies = PAPER_DISKS,
-        values: Values | None = None,
-    ) -> Scenes:
-        """Return predictions (B, N, 8) of a prior for pushes (B, 5 or 8) from scenes, corrected.
-
-        `values` are what is believed of the physics, by name.
-        """
-        config = self._network.config
-        frames = push_frames(scenes, pushes, bodies)
-        features = network_inputs(config, scenes, frames, physics_next, bodies, values)
-        settle_threads()
-        with torch.inference_mode():
-            output = self._network(*as_tensors(features, self._device))
-        residual = output.cpu().numpy().astype(np.float64)
-        corrected = apply_residual(physics_next, frames, residual)
-        idle = pushes[:, LENGTH] == 0.0
-        corrected[idle] = physics_next[idle]
-        return corrected
-
-
 def as_tensors(
-    features: Features, device: str = CPU
+    features: Features,
 ) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
     """Return features of bodies and of relations as PyTorch's networks take them."""
     bodies, relations = (
-        torch.from_numpy(array.astype(np.float32)).to(device)
+        torch.from_numpy(array.astype(np.float32))
         for array in (features.bodies, features.relations)
     )
     return bodies, relations

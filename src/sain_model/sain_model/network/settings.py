@@ -1,4 +1,4 @@
-"""Settings of networks, and the names of models and devices; importable without PyTorch."""
+"""Settings of networks, and the names of models; importable without PyTorch."""
 
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -6,7 +6,6 @@ from typing import Final
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.guarding.plugins import did_you_mean
 
 PUSH_FRAME: Final = "push"
 WORLD_FRAME: Final = "world"  # the same, and where on the table and how turned things are
@@ -35,34 +34,6 @@ class NetworkConfig(Config):
         False, "whether it sees what is believed of the physics of each body and of the table"
     )
     members: int = option(1, "number of networks in the ensemble", minimum=1, maximum=64)
-
-
-AUTO: Final = "auto"
-CPU: Final = "cpu"
-CUDA: Final = "cuda"
-DEVICES: Final = (AUTO, CPU, CUDA)
-
-
-def choose_device(wanted: str) -> str:
-    """Return the device, ``cpu`` or ``cuda``, for what is wanted, one of `DEVICES`.
-
-    Raises `ConfigError`: a GPU is wanted and PyTorch finds none, or there is no such device.
-    """
-    if wanted not in DEVICES:
-        hint = did_you_mean(wanted, DEVICES)
-        raise ConfigError(f"device is {wanted!r}{hint}; allowed: {', '.join(DEVICES)}")
-    if wanted == CPU:
-        return CPU
-    if wanted == CUDA:
-        require_torch("device 'cuda'")
-    elif find_spec("torch") is None:
-        return CPU
-    import torch  # takes a second, which nothing that only names devices should wait
-
-    found = torch.cuda.is_available()
-    if wanted == CUDA and not found:
-        raise ConfigError("device is 'cuda', but PyTorch finds no GPU; 'auto' would take the CPU")
-    return CUDA if found else CPU
 
 
 def require_torch(what: str) -> None:

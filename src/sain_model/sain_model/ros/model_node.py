@@ -1,6 +1,7 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
 from collections.abc import Callable
+from dataclasses import asdict
 from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -11,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from sain_core import wire
-from sain_core.errors import BusyError, error_reply
+from sain_core.errors import BusyError, ConfigError, error_reply
 from sain_core.guarding.ros.reception import LARGE_BYTES, Reception, introspect, shortened
 from sain_core.guarding.ros.state_file import StateFile
 from sain_core.ros import codec
@@ -19,10 +20,13 @@ from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics, steady_tim
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED
 from sain_core.ros.worker import Worker
+from sain_core.shapes.bodies import PAPER_DISKS
+from sain_core.shapes.bodies import Bodies as Shapes
 from sain_core.wire.bodies import decode_bodies, decode_request_bodies
 from sain_interfaces.msg import Bodies
 from sain_interfaces.srv import DescribeModel, LoadModel, PredictResidual, Rollout
-from sain_model.serving.service import SERVING, ModelService, ServingConfig
+from sain_model.compute.kernel_store import compile_kernels, describe_progress
+from sain_model.serving.service import ServingConfig
 
 if TYPE_CHECKING:
     from sain_model.serving.server import ModelServer
@@ -31,6 +35,8 @@ Response = TypeVar("Response", PredictResidual.Response, Rollout.Response)
 REPORT_PERIOD = 1.0  # [s]
 SAY_PERIOD = 5.0  # [s], of what is done before the node serves
 TASK = "predictions"  # of the diagnostics
+SERVING = "serving"
+LONGEST_PATH = 4096  # characters, as Linux has it
 MOST_LOADS = 16  # models that wait to be loaded
 
 
@@ -42,15 +48,22 @@ class ModelNode(Node):
     parameter service asks for a model: that must be told the outcome in the same breath.
     """
 
+    server: "ModelServer"
+
     def __init__(self, **options: Any) -> None:
         super().__init__("model_node", namespace=NAMESPACE, **options)
-        config = read_parameters(self, ServingConfig)
+        self.config = config = read_parameters(self, ServingConfig)
         self.reception = Reception(self)
         self.diagnostics = Diagnostics(self, TASK, more=lambda: self.reception.figures)
         self.worker, self.loader = Worker(self, "serving"), Worker(self, "loading")
-        self.service, self._said = ModelService(config), -SAY_PERIOD
+        self.bodies: Shapes = PAPER_DISKS  # of the episode
+        self.prepared: ModelServer | None = None  # waits to replace the server
+        self.requests = self.failures = 0
+        self.refusal = ""  # of the latest request; empty: it was answered
+        self.latest = self.longest = 0.0  # [s], from taking a request to answering it
+        self._doing, self._said = f"loading {config.model}", -SAY_PERIOD
         self._say()
-        self.worker.wait(self.service.start, self._say).result()  # no timer runs yet
+        self.server = self.worker.wait(self._load, self._say).result()  # no timer runs yet
         self.reception.listen(Bodies, "shapes", self._on_bodies, LATCHED)
         steady_timer(self, REPORT_PERIOD, self._report)
         self._offer(config.service_introspection)
@@ -60,13 +73,27 @@ class ModelNode(Node):
             self.set_parameters([Parameter("model", value=str(served))])
         self.get_logger().info(f"ready: serves {config.model}")
 
+    def _load(self) -> "ModelServer":
+        """Compile kernels, and return the first server; on the worker's thread."""
+        loading = self._doing
+
+        def report(finished: int, total: int) -> None:
+            self._doing = describe_progress(finished, total)
+
+        compile_kernels(report)
+        self._doing = loading
+        # PyTorch takes a second to load: a mistake in the parameters is reported before.
+        from sain_model.serving.server import load_server
+
+        return load_server(self.config)
+
     def _say(self) -> None:
         """Say what is done before the node serves to those who wait for it."""
-        self.diagnostics.set(WARN, self.service.doing)
+        self.diagnostics.set(WARN, self._doing)
         self.diagnostics.publish()
         if monotonic() - self._said >= SAY_PERIOD:
             self._said = monotonic()
-            self.get_logger().info(self.service.doing)
+            self.get_logger().info(self._doing)
 
     def _offer(self, introspection: str) -> None:
         group = ReentrantCallbackGroup()
@@ -82,7 +109,7 @@ class ModelNode(Node):
         self.add_post_set_parameters_callback(self._after_set_parameters)
 
     def _on_bodies(self, message: Bodies) -> None:
-        self.service.bodies = decode_bodies(message)
+        self.bodies = decode_bodies(message)
 
     async def _on_rollout(
         self, request: Rollout.Request, response: Rollout.Response
@@ -117,8 +144,17 @@ class ModelNode(Node):
     def _on_describe(
         self, request: DescribeModel.Request, response: DescribeModel.Response
     ) -> DescribeModel.Response:
-        self.service.describe(response)
+        for name, value in asdict(self.server.description).items():
+            setattr(response, name, value)
+        response.device = "cpu"  # all that predicts is compiled for it
+        response.max_work, response.max_disks = self.config.max_work, self.config.max_disks
         return response
+
+    def _prepare(self, name: str) -> "ModelServer":
+        """Return a server of the model of this name, loaded and tried; on the loader's thread."""
+        if len(name) > LONGEST_PATH:
+            raise ConfigError(f"the model has {len(name)} characters; allowed: {LONGEST_PATH}")
+        return self.server.with_model(name, self.bodies)
 
     async def _on_load(
         self, request: LoadModel.Request, response: LoadModel.Response
@@ -126,59 +162,87 @@ class ModelNode(Node):
         try:
             if self.loader.pending >= MOST_LOADS:
                 raise BusyError(f"{MOST_LOADS} models wait to be loaded already; ask again later")
-            self.service.prepared = await self.loader.run(
-                lambda: self.service.prepare(request.model)
-            )
+            self.prepared = await self.loader.run(lambda: self._prepare(request.model))
             self.set_parameters([Parameter("model", value=request.model)])
         except Exception as error:
             self._warn_of(error)
             raise
         finally:
-            described = self.service.description
+            described = self.server.description
             response.model, response.model_hash = described.model, described.model_hash
         return response
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
         """Load a model that the parameter names, unless `load_model` has done so already."""
         names = [str(one.value) for one in parameters if one.name == "model"]
-        if not names or self.service.prepared is not None:
+        if not names or self.prepared is not None:
             return SetParametersResult(successful=True)
-        done = self.loader.wait(lambda: self.service.prepare(names[-1]))
+        done = self.loader.wait(lambda: self._prepare(names[-1]))
         error = done.exception()
         if error is not None:
             self._warn_of(error)
             return SetParametersResult(successful=False, reason=self.reception.explain(error)[1])
-        self.service.prepared = done.result()
+        self.prepared = done.result()
         return SetParametersResult(successful=True)
 
     def _after_set_parameters(self, parameters: list[Parameter]) -> None:
-        if self.service.swap():
-            described = self.service.description
+        if self.prepared is not None:
+            self.server, self.prepared = self.prepared, None
+            described = self.server.description
             self.state_file.write(model=described.model)
             self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
             self._report()
 
     def _warn_of(self, error: BaseException) -> None:
-        going_on = f"goes on serving {self.service.description.model}"
+        going_on = f"goes on serving {self.server.description.model}"
         self.get_logger().warning(f"{going_on}: {shortened(error_reply(error)[1])}")
 
     async def _answer(self, work: "Callable[[ModelServer], None]", response: Response) -> Response:
         """Do the work on the thread for it, and fill in what every answer has."""
-        taken = perf_counter()
+        taken, waiting, refusal = perf_counter(), self.worker.pending, ""
         try:
-            self.service.record.take()
-            await self.worker.run(lambda: self.service.compute(work, response))
+            if waiting >= (most := self.config.max_queue):
+                raise BusyError(f"{waiting} requests are waiting already; at most {most} may")
+            await self.worker.run(lambda: self._compute(work, response))
         except Exception as error:
-            self.service.record.answered(taken, shortened(error_reply(error)[1]))
-            self._report()  # else the timer does: nobody is to wait for it
+            refusal = shortened(error_reply(error)[1])
+            self.failures += 1
             raise
-        self.service.record.answered(taken)
+        finally:
+            self.latest = perf_counter() - taken
+            self.longest = max(self.longest, self.latest)
+            self.requests += 1
+            self.refusal = refusal
+            if refusal:
+                self._report()  # else the timer does: nobody is to wait for it
         return response
 
+    def _compute(self, work: "Callable[[ModelServer], None]", response: Response) -> None:
+        """Answer with the model that is served now, whatever is served when it is done."""
+        begun, server = perf_counter(), self.server
+        response.model, response.model_hash = (
+            server.description.model,
+            server.description.model_hash,
+        )
+        try:
+            work(server)
+        finally:
+            response.compute_time = perf_counter() - begun
+
     def _report(self) -> None:
-        refusal = self.service.record.refusal
-        level, message = (WARN, f"refused: {refusal}") if refusal else (OK, SERVING)
-        self.diagnostics.set(level, message, **self.service.figures())
+        level, message = (WARN, f"refused: {self.refusal}") if self.refusal else (OK, SERVING)
+        described = self.server.description
+        self.diagnostics.set(
+            level,
+            message,
+            model=described.model,
+            model_hash=described.model_hash[:16],
+            requests=self.requests,
+            failures=self.failures,
+            queue=self.worker.pending,
+            last_ms=f"{1e3 * self.latest:.1f}",
+            longest_ms=f"{1e3 * self.longest:.1f}",
+        )
 
     def destroy_node(self) -> None:
         """Finish what was begun."""

@@ -24,7 +24,6 @@ from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.dynamics.sain import PHYSICS, SainDynamics
 from sain_model.inference.kinds import FRICTION
-from sain_model.network.settings import AUTO, CPU, choose_device
 from sain_model.physics.planar import PlanarPrior
 
 if TYPE_CHECKING:
@@ -49,7 +48,6 @@ class Description:
     prior: str  # the physics below it; for a pure prior its own name
     model_hash: str = ""  # SHA-256 of the weights
     card: str = ""  # the checkpoint's JSON card
-    device: str = CPU  # what the network runs on
 
 
 class ModelServer:
@@ -60,14 +58,6 @@ class ModelServer:
     """
 
     def __init__(self, dynamics: Model, config: "ServingConfig") -> None:
-        """Serve this dynamics, on the device that the settings choose.
-
-        Raises `ConfigError`: a GPU is wanted and there is none.
-        """
-        if isinstance(dynamics, SainDynamics) and dynamics.network is not None:
-            dynamics = dynamics.on(choose_device(config.device))
-        elif config.device != AUTO:  # physics runs on the CPU, but what is asked for must be there
-            choose_device(config.device)
         self.config = config
         self._name = f"model {config.model!r}"
         self.description = describe_model(config.model, dynamics)
@@ -231,7 +221,7 @@ def describe_model(name: str, dynamics: Model) -> Description:
         return Description(name, PHYSICS, name)
     origin = dynamics.origin
     about = origin.kind, origin.prior_name, origin.model_hash, origin.card
-    return Description(name, *about, dynamics.network.device)
+    return Description(name, *about)
 
 
 def check_asked_scenes(scenes: Scenes, bodies: Bodies) -> None:
