@@ -17,7 +17,7 @@ from sain_core.push import pushed_bodies
 from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_core.scene import POSITION, TARGET, THETA, wrap_angle
 from sain_core.transitions import MOVED
-from sain_core.types import Mask, Scalars, Scenes
+from sain_core.types import Indices, Mask, Scalars, Scenes
 from sain_model.data.dataset import Dataset
 from sain_model.evaluation.predictors import (
     FLOOR,
@@ -196,10 +196,9 @@ def _ratios(
 # --- of arrays ------------------------------------------------------------------------------------
 
 
-def position_errors(predicted: Scenes, actual: Scenes, body: int) -> Scalars:
-    """Return how far off a body's predicted position is, (M,) [mm]."""
-    missing = predicted[:, body, POSITION] - actual[:, body, POSITION]
-    return np.asarray(1e3 * np.linalg.norm(missing, axis=-1))
+def position_errors(predicted: Scenes, actual: Scenes, body: Indices | int) -> Scalars:
+    """Return how far off the predicted position of a body is, or of one each (M,) [mm]."""
+    return 1e3 * _ways(predicted, actual)[np.arange(len(actual)), body]
 
 
 def _ways(before: Scenes, after: Scenes) -> Float[ndarray, "*B N"]:
@@ -227,26 +226,23 @@ def _rows_of(some: Predictions, step: int) -> ErrorRows:
         "moved": each(_ways(windows.scenes[chosen], truth)),
         "earlier": each(some.earlier[chosen, None]),
     }
-    off, turned, agreed = {}, {}, {}
-    hit = _latest_ways(windows.scenes[chosen], windows.next_scenes[chosen], step) > MOVED
+    off, turned, agreed, regions = {}, {}, {}, {}
+
+    def moves(rollouts: ndarray) -> Mask:
+        """Return which bodies the latest push moved."""
+        before = windows.scenes[chosen] if step == 1 else rollouts[:, step - 2]
+        return (_ways(before, rollouts[:, step - 1]) > MOVED).reshape(-1)
+
     for name, rollouts in some.by_name.items():
-        predicted = rollouts[chosen]
-        last = predicted[:, step - 1]
+        last = rollouts[chosen, step - 1]
         off[name] = 1e3 * _ways(last, truth).reshape(-1)
         headings = wrap_angle(last[..., THETA] - truth[..., THETA])
         turned[name] = np.degrees(np.abs(headings)).reshape(-1)
-        also = _latest_ways(windows.scenes[chosen], predicted, step) > MOVED
-        agreed[name] = (also == hit).reshape(-1)
-    regions = {}
+        agreed[name] = moves(rollouts[chosen]) == moves(windows.next_scenes[chosen])
     for name, said in some.regions.items() if step == 1 else ():
         assert said.radius is not None
         regions[name] = 1e3 * said.radius[chosen].reshape(-1)
     return ErrorRows(about, off, turned, agreed, regions)
-
-
-def _latest_ways(first: Scenes, rollouts: ndarray, step: int) -> Float[ndarray, "W N"]:
-    """Return how far the latest of so many pushes moved each body."""
-    return _ways(first if step == 1 else rollouts[:, step - 2], rollouts[:, step - 1])
 
 
 def _joined(columns: Sequence[dict[str, Any]]) -> dict[str, Any]:

@@ -139,7 +139,7 @@ def _predict_part(
         # recorded for single pushes
         by_name[name] = np.full_like(windows.next_scenes, np.nan)
         by_name[name][:, 0] = scenes
-    return Predictions(part, windows, by_name, regions, earlier_pushes(part))
+    return Predictions(part, windows, by_name, regions, earlier(part).counts)
 
 
 def roll_out(predictor: Predictor, windows: Windows) -> Rollouts:
@@ -199,12 +199,17 @@ def _with_friction(model: SainDynamics | PlanarPrior, friction: Scalars) -> Pred
 # --- history --------------------------------------------------------------------------------------
 
 
+def earlier(part: Part) -> Known:
+    """Return a row for each push, with the earlier pushes of its episode."""
+    return Known.earlier(part.episode, part.step)
+
+
 def inferred_rows(model: SainDynamics, part: Part) -> Inferred:
     """Return for each push what its earlier pushes say: those of its episode, or of its body."""
     if model.belief.likeliest.of_bodies:
         body = np.unique(body_names(part), return_inverse=True)[1]
         return model.infer(part, Known.earlier(body, np.arange(len(part))))
-    return model.infer(part, Known.earlier(part.episode, part.step))
+    return model.infer(part, earlier(part))
 
 
 def with_history(model: SainDynamics, rows: Inferred) -> Predictor:
@@ -212,18 +217,10 @@ def with_history(model: SainDynamics, rows: Inferred) -> Predictor:
     return lambda scenes, pushes, some: model.step_rows(scenes, pushes, rows.of_rows(some))[1]
 
 
-def step_with_history(model: SainDynamics, part: Part) -> Scenes:
-    """Return predictions (M, N, 8) as in deployment: with what the episode's earlier pushes say."""
-    shaped = model.with_bodies(part.bodies)
-    if not shaped.infers:
-        return shaped.step(part.state, part.action)
-    return shaped.step_rows(part.state, part.action, inferred_rows(shaped, part))[1]
-
-
 def predict_with_history(
     model: SainDynamics, part: Part, rows: Inferred | None = None
 ) -> Prediction:
-    """Return predictions as `step_with_history`, and how certain they are.
+    """Return predictions as in deployment, with what the episode's earlier pushes say.
 
     Regions are wider where earlier errors were larger than in training. `rows`: what was inferred.
     """
@@ -235,18 +232,6 @@ def predict_with_history(
     intervals = shaped.network and shaped.network.intervals
     if not intervals or not intervals.adapts:
         return prediction
-    excess = intervals.excess(prediction, part)
-    order = np.lexsort((part.step, part.episode))
-    count = earlier_pushes(part)
-    sums = np.pad(np.cumsum(excess[:, order], axis=1), ((0, 0), (1, 0)))
-    place = np.argsort(order)
-    return prediction.widened(intervals.widening(sums[:, place] - sums[:, place - count], count))
-
-
-def earlier_pushes(part: Part) -> Int[ndarray, "M"]:
-    """Return how many earlier pushes each push has in its own episode."""
-    order = np.lexsort((part.step, part.episode))
-    _, first, place = np.unique(part.episode[order], return_index=True, return_inverse=True)
-    count = np.empty(len(part), dtype=np.int64)
-    count[order] = np.arange(len(part)) - first[place]
-    return count
+    known = earlier(part)
+    total = known.total(intervals.excess(prediction, part).T).T
+    return prediction.widened(intervals.widening(total, known.counts))

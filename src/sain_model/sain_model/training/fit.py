@@ -20,7 +20,7 @@ from sain_core.errors import CheckpointError, ConfigError, DatasetError
 from sain_core.model import check_model_name
 from sain_core.push import pushed_bodies
 from sain_core.randomness import bootstrap_ratio, generator
-from sain_core.scene import POSITION, TARGET
+from sain_core.scene import TARGET
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part, Split
 from sain_model.dynamics.identify import infer_bodies, with_beliefs
@@ -41,7 +41,7 @@ from sain_model.dynamics.sain import (
     with_intervals,
 )
 from sain_model.evaluation.errors import position_errors
-from sain_model.evaluation.predictors import step_with_history
+from sain_model.evaluation.predictors import predict_with_history
 from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import PLANAR, PLANAR_AXES, SHIPPED
@@ -245,11 +245,10 @@ class Parent:
 
 def _errors(sain: SainDynamics, part: Part) -> Scalars:
     """Return how far off the target, or the pushed body, is predicted (M,) [mm]."""
-    after = step_with_history(sain, part)
+    after, body = predict_with_history(sain, part).mean, pushed_bodies(part.action)
     if part.bodies.are_paper_disks and part.disks > TARGET:
-        return position_errors(after, part.next_state, TARGET)
-    off = np.linalg.norm((after - part.next_state)[..., POSITION], axis=-1)
-    return np.asarray(1e3 * off[np.arange(len(part)), pushed_bodies(part.action)])
+        body = np.full(len(part), TARGET)
+    return position_errors(after, part.next_state, body)
 
 
 def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
