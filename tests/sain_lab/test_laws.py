@@ -180,7 +180,7 @@ def test_what_fails_in_a_prediction_is_said_and_a_lost_network_left_out(place, t
     for what in ["receive"] * 6 + ["learn"] * 3 + ["finish", "poll"]:
         run.do(what)
     assert run.learner.state.judge.candidate == "models/000003"
-    run.learner._contenders._networks.clear()
+    run.learner._contenders.forget("models/000003")
     card_path(run.learner.laboratory.model_path("models/000003")).unlink()
     events = run.learner.observe(run.learner.waiting[0]).events
     assert events[0].kind == "left out"

@@ -8,11 +8,10 @@ from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import RECENT
-from sain_lab.serving import planar
+from sain_lab.serving import load_service
 from sain_lab.state import State
 from sain_lab.storage.laboratory import PHYSICS, PLANAR, SHIPPED, Laboratory
 from sain_lab.storage.results import Result
-from sain_model.dynamics.load import load_checkpoint
 from sain_model.dynamics.sain import SainDynamics
 
 Errors = tuple[float, float]  # of places [mm] and of headings [degrees]
@@ -23,18 +22,15 @@ class Contenders:
 
     def __init__(self, laboratory: Laboratory, shipped: SainDynamics, state: State) -> None:
         self._laboratory, self._state = laboratory, state
-        self._fixed = {PLANAR: planar(), SHIPPED: shipped}
-        self._networks: dict[str, SainDynamics] = {}
+        self._models = {SHIPPED: shipped}
 
     def model(self, name: str) -> SainDynamics:
         """Return a contender for an episode that begins; raises `CheckpointError`."""
         if name == PHYSICS:
             return self._state.believer.model
-        if name in self._fixed:
-            return self._fixed[name]
-        if name not in self._networks:
-            self._networks[name] = load_checkpoint(self._laboratory.model_path(name))
-        return self._networks[name]
+        if name not in self._models:
+            self._models[name] = load_service(self._laboratory, name)
+        return self._models[name]
 
     def errors(self, name: str, result: Result, history: PushHistory) -> Errors | None:
         """Return the errors of a contender on a push; None: it predicts none such.
@@ -61,7 +57,7 @@ class Contenders:
 
     def forget(self, name: str) -> None:
         """Forget a network."""
-        self._networks.pop(name, None)
+        self._models.pop(name, None)
 
 
 def error_of(model: SainDynamics, result: Result, history: PushHistory) -> Errors:

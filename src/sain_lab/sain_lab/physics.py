@@ -17,7 +17,7 @@ the spread of the others.
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -35,7 +35,6 @@ from sain_model.inference.kinds import (
     Kind,
     laboratory_kinds,
     surface_kind,
-    written_kind,
 )
 from sain_model.physics.planar import PlanarPrior
 
@@ -161,7 +160,7 @@ class Believer:
             for kind, one in zip(found.kinds, self._kinds, strict=True)
         ]
         self._best = kinds[self._kinds.index(best)]
-        self.parameters = parameters_of(self._best)
+        self.parameters = self._best.stated
         settled = [kind.settled() for kind in kinds]
         if not any(kind.corrected for kind in settled):
             settled.append(replace(self._base.belief.trained, log_odds=-identify.MOST_ODDS))
@@ -190,7 +189,7 @@ class Believer:
         found = identify.fit_laboratory(kind, parts, start, LATEST)
         place = found.places.mean(axis=0)
         place[kind.of_episode] = found.places[-1][kind.of_episode]
-        moved = replace(kind, prior=kind.at(place), covariance=np.eye(len(kind.names)))
+        moved = kind.believing(place, np.eye(len(kind.names)))
         return physics_model(Belief((replace(moved.settled(), log_odds=0.0),)))
 
     @property
@@ -231,12 +230,6 @@ def anchored(kind: Kind, values: Values) -> Kind:
     return replace(
         kind, prior=replace(kind.prior, config=config), covariance=np.diag(deviations**2)
     )
-
-
-def parameters_of(kind: Kind) -> Parameters:
-    """Return values and spreads of a kind's parameters, as `written_kind` has them."""
-    parts: list[dict[str, Any]] = written_kind(kind)["parameters"]
-    return {part["name"]: (part["mean"], part["spread"]) for part in parts}
 
 
 def physics_model(belief: Belief) -> SainDynamics:
@@ -307,7 +300,7 @@ class BodyBeliever:
         body = self._bodies.get(name)
         if body is None or body.place is None or body.covariance is None:
             return self._another(name)[0]
-        return replace(self._kind, prior=self._kind.at(body.place), covariance=body.covariance)
+        return self._kind.believing(body.place, body.covariance)
 
     def model(self, result: Result) -> SainDynamics:
         """Return the physics of the body of a push."""
@@ -316,13 +309,13 @@ class BodyBeliever:
     def belief(self, name: str = "") -> Belief:
         """Return what is believed of a body; without a name of one that was not pushed yet."""
         kind = replace(self.kind(name), corrected=True)
-        bodies = {one: parameters_of(self.kind(one)) for one in self._bodies}
+        bodies = {one: self.kind(one).stated for one in self._bodies}
         return Belief((kind,), card={"bodies": bodies})
 
     @property
     def parameters(self) -> Parameters:
         """Values and spreads of the body that was pushed last."""
-        return parameters_of(self.kind(self._latest))
+        return self.kind(self._latest).stated
 
 
 def body_name(result: Result) -> str:

@@ -3,12 +3,11 @@
 from pathlib import Path
 
 from sain_lab.physics import physics_model
-from sain_lab.storage.laboratory import PLANAR, PREFIX, SHIPPED, Laboratory
+from sain_lab.storage.laboratory import PHYSICS, PLANAR, PREFIX, SHIPPED, Laboratory
 from sain_model.dynamics.load import load_checkpoint, load_shipped
-from sain_model.dynamics.priors import make_prior
-from sain_model.dynamics.sain import PHYSICS as PHYSICS_KIND
-from sain_model.dynamics.sain import Origin, SainDynamics
-from sain_model.inference.kinds import friction_belief, read_belief
+from sain_model.dynamics.priors import load_planar
+from sain_model.dynamics.sain import SainDynamics
+from sain_model.inference.kinds import read_belief
 
 
 def load_in_service(name: str) -> SainDynamics:
@@ -17,19 +16,19 @@ def load_in_service(name: str) -> SainDynamics:
     Raises `DatasetError`: no laboratory, one of another version, or one copied in part;
     `CheckpointError`: its network or its belief is damaged.
     """
-    return in_service(Laboratory.named(name))
+    laboratory = Laboratory.named(name)
+    return load_service(laboratory, laboratory.manifest.service)
 
 
-def in_service(laboratory: Laboratory) -> SainDynamics:
-    """Return the network in service, or the physics as it is believed; raises as above."""
-    manifest = laboratory.manifest
-    if manifest.has_network:
-        return load_checkpoint(laboratory.model_path(manifest.service))
-    if manifest.service == PLANAR:
-        return planar()
-    if manifest.service == SHIPPED:
+def load_service(laboratory: Laboratory, service: str) -> SainDynamics:
+    """Return a model of a laboratory by its name in the manifest; raises `CheckpointError`."""
+    if service == PHYSICS:
+        return believed(laboratory)
+    if service == PLANAR:
+        return load_planar()
+    if service == SHIPPED:
         return load_shipped()
-    return believed(laboratory)
+    return load_checkpoint(laboratory.model_path(service))
 
 
 def believed(laboratory: Laboratory) -> SainDynamics:
@@ -41,8 +40,3 @@ def believed(laboratory: Laboratory) -> SainDynamics:
 def model_name(path: Path) -> str:
     """Return the name by which other processes load what is in service in a laboratory."""
     return f"{PREFIX}{path.resolve()}"
-
-
-def planar() -> SainDynamics:
-    """Return what all models are compared with: planar physics that infers friction."""
-    return SainDynamics(friction_belief(make_prior(PLANAR)), origin=Origin(PHYSICS_KIND, PLANAR))

@@ -77,12 +77,7 @@ class Certainty:
     @property
     def named(self) -> dict[str, tuple[float, float]]:
         """The value of each parameter and its spread: of the logarithm, if it is a factor."""
-        values = self.kind.values(self.place[None])
-        spreads = np.sqrt(np.diag(self.covariance))
-        return {
-            one.name: (float(values[one.name][0]), float(one.spread * spread))
-            for one, spread in zip(self.kind.parameters, spreads, strict=True)
-        }
+        return self.kind.believing(self.place, self.covariance).stated
 
     @property
     def root(self) -> Float[ndarray, "D D"]:

@@ -104,6 +104,8 @@ def load_recordings(options: IdentifyOptions) -> "dict[str, Sequence[ObservedPus
 
 def belief_tables(belief: "Belief") -> Iterator[FittingTable]:
     """Yield a belief as tables: kinds that were compared, and the parameters of the likeliest."""
+    from sain_model.physics.parameters import BY_NAME
+
     if evidence := belief.card.get("evidence"):
         rows = (
             (kind.name, f"{evidence[kind.name]:.0f}", f"{kind.log_odds:.1f}")
@@ -112,12 +114,8 @@ def belief_tables(belief: "Belief") -> Iterator[FittingTable]:
         yield make_table("Kinds of physics", ("physics", "log evidence", "log odds"), rows)
     kind = belief.likeliest
     parameters = (
-        (
-            parameter.name,
-            f"{getattr(kind.config, parameter.name):.4g}",
-            _spread(parameter.spread * deviation, parameter.logarithm),
-        )
-        for parameter, deviation in zip(kind.parameters, kind.deviations, strict=True)
+        (name, f"{mean:.4g}", _spread(spread, BY_NAME[name].logarithm))
+        for name, (mean, spread) in kind.stated.items()
     )
     yield make_table(f"Parameters, {kind.name}", ("parameter", "mean", "spread"), parameters)
 

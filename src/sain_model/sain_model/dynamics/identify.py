@@ -123,14 +123,12 @@ def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
 
 def of_another_body(kind: Kind, places: Places, variances: Places | float = 0.0) -> Kind:
     """Return a kind with what vectors z of bodies, of such variances, show of another body."""
-    count = len(places)
-    prior = kind.at(places.mean(axis=0))
+    count, mean = len(places), places.mean(axis=0)
     if count < FEW_BODIES:
-        return replace(kind, prior=prior)
+        return kind.believing(mean, kind.covariance)
     scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD) ** 2
     scatter += np.mean(np.broadcast_to(variances, places.shape), axis=0)
-    covariance = np.diag(scatter) * (1.0 + 1.0 / count)
-    return replace(kind, prior=prior, covariance=covariance)
+    return kind.believing(mean, np.diag(scatter) * (1.0 + 1.0 / count))
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:
@@ -145,13 +143,9 @@ def _kind(found: Fit, best: float) -> Kind:
     covariance = found.shared_covariance + LEAST_SPREAD**2 * np.eye(len(own))
     scatter = np.hypot(found.places.std(axis=0), LEAST_SPREAD) ** 2 + found.own_variances
     covariance[own, own] = scatter[own]
-    return replace(
-        kind,
-        prior=kind.at(found.places.mean(axis=0)),
-        covariance=covariance,
-        log_odds=max(found.evidence - best, -MOST_ODDS),
-        flat_log_odds=0.0,
-    )
+    odds = max(found.evidence - best, -MOST_ODDS)
+    believed = kind.believing(found.places.mean(axis=0), covariance)
+    return replace(believed, log_odds=odds, flat_log_odds=0.0)
 
 
 def _card(recordings: Recordings, fits: Sequence[Fit]) -> dict[str, Any]:

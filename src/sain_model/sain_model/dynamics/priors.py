@@ -22,10 +22,12 @@ Settings = dict[str, Any]
 
 def load_prior(name: str) -> Model:
     """Return a prior as a model by itself: the planar ones infer friction from earlier pushes."""
-    prior = make_prior(name)
-    if not isinstance(prior, PlanarPrior):
-        return prior
-    return SainDynamics(friction_belief(prior), origin=Origin(PHYSICS, name))
+    return load_planar(name) if name in PLANAR_PRIORS else make_prior(name)
+
+
+def load_planar(name: str = PLANAR) -> SainDynamics:
+    """Return planar physics that infers friction: what all models are compared with."""
+    return SainDynamics(friction_belief(make_prior(name)), origin=Origin(PHYSICS, name))
 
 
 def make_prior(name: str, settings: Settings | None = None) -> Model:

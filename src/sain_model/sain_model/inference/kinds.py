@@ -112,9 +112,13 @@ class Kind:
         """Standard deviations of z."""
         return np.sqrt(np.diag(self.covariance))
 
-    def spread_of(self, name: str) -> float:
-        """Return the spread of a parameter, of its logarithm if it is a factor."""
-        return BY_NAME[name].spread * float(self.deviations[self.names.index(name)])
+    @property
+    def stated(self) -> dict[str, tuple[float, float]]:
+        """The value of each parameter and its spread: of the logarithm, if it is a factor."""
+        return {
+            one.name: (float(getattr(self.config, one.name)), float(one.spread * deviation))
+            for one, deviation in zip(self.parameters, self.deviations, strict=True)
+        }
 
     @cached_property
     def of_episode(self) -> Bool[ndarray, "D"]:
@@ -185,6 +189,10 @@ class Kind:
             name: float(value[0]) for name, value in self.values(place[None]).items()
         }
         return replace(self.prior, config=replace(self.config, **values))
+
+    def believing(self, place: Float[ndarray, "D"], covariance: Float[ndarray, "D D"]) -> Self:
+        """Return this kind with another vector z as the most likely one."""
+        return replace(self, prior=self.at(place), covariance=covariance)
 
     def step(self, bodies: Bodies, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:
         """Predict pushes, each with values of its own of some parameters."""
@@ -359,13 +367,13 @@ def written_kind(kind: Kind) -> dict[str, Any]:
     """Return a kind of physics as JSON has it."""
     parameters = [
         {
-            "name": parameter.name,
-            "meaning": parameter.meaning,
-            "mean": getattr(kind.config, parameter.name),
-            "spread": float(parameter.spread * deviation),
-            "spread_is": "of the logarithm" if parameter.logarithm else "of the value",
+            "name": name,
+            "meaning": BY_NAME[name].meaning,
+            "mean": mean,
+            "spread": spread,
+            "spread_is": "of the logarithm" if BY_NAME[name].logarithm else "of the value",
         }
-        for parameter, deviation in zip(kind.parameters, kind.deviations, strict=True)
+        for name, (mean, spread) in kind.stated.items()
     ]
     return {
         "name": kind.name,

@@ -103,7 +103,7 @@ def make_card(
         prior_config=prior_settings(kind.prior),
         network=asdict(config.network),
         bottoms=_bottoms(split.train, parent) if model.origin.kind in RESIDUALS else [],
-        friction={"width": kind.spread_of(FRICTION)} if FRICTION in kind.names else None,
+        friction={"width": kind.stated[FRICTION][1]} if FRICTION in kind.names else None,
         bodies=written_kind(kind) if kind.of_bodies else None,
         intervals=asdict(intervals) if intervals else None,
         kind=model.origin.kind,
