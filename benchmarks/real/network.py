@@ -22,7 +22,7 @@ from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
 from sain_model.dynamics.identify import believed_places, body_names, infer_bodies, with_beliefs
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.sain import Inferred, SainDynamics, residual_model, with_intervals
+from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
 from sain_model.inference.kinds import friction_kind
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
@@ -156,8 +156,7 @@ class OfKnown:
     def predicted(self, part: Part, corrected: bool = True) -> Prediction:
         """Return what is predicted with what is believed of each body."""
         places = believed_places(part, self.physics.kind, self.physics.places)
-        chosen = np.full(len(part), corrected)
-        rows = Inferred(Posterior.at(0, places), chosen)
+        rows = Posterior.at(self.model.belief, 0, places, np.full(len(part), corrected))
         return self.model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
 

@@ -68,8 +68,8 @@ def test_pushes_show_the_kind_of_physics_and_its_friction(belief, random_pushes,
     posterior = after(belief, seen(random_pushes, replace(config, friction=0.17)))
     assert posterior.kind.tolist() == [kind]
     assert not posterior.inferred[0]
-    assert posterior.values(belief, FRICTION)[0] == pytest.approx(0.17, rel=0.03)
-    assert posterior.log_spread(belief, FRICTION)[0] < 0.05
+    assert posterior.values(FRICTION)[0] == pytest.approx(0.17, rel=0.03)
+    assert posterior.log_spread(FRICTION)[0] < 0.05
 
 
 def test_pushes_show_parameters_that_are_unlike_the_default_ones(belief, random_pushes):

@@ -57,8 +57,8 @@ class Certainty:
     @classmethod
     def of(cls, model: SainDynamics, bodies: Bodies, history: PushHistory) -> Self:
         """Return how certain a model is in an episode with these earlier pushes."""
-        now = model.with_bodies(bodies).condition(history).now.posterior
-        kind = model.belief.kinds[now.kind[0]]
+        now = model.with_bodies(bodies).condition(history).now
+        ((_, kind),) = now.by_kind
         place = now.places[0, : len(kind.names)]
         if len(history) == 0 or not kind.names:
             return cls(kind, place, kind.covariance)

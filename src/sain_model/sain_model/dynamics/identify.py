@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError
 from sain_model.data.dataset import Dataset, Part
-from sain_model.dynamics.sain import Inferred, SainDynamics
+from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -337,8 +337,8 @@ def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) ->
     """Return by how much the network explains the pushes better than the physics alone."""
     odds = KEEP
     for part in parts:
-        posterior = Posterior.at(number, found.places[part.episode])
-        rows = Inferred(posterior, np.ones(len(part), dtype=bool))
+        places, everywhere = found.places[part.episode], np.ones(len(part), dtype=bool)
+        rows = Posterior.at(model.belief, number, places, everywhere)
         both = model.with_bodies(part.bodies).step_rows(part.state, part.action, rows)
         plain, corrected = (
             log_density(errors_of(after, part.next_state), part.scales(FACTORS)).sum(axis=0).max()

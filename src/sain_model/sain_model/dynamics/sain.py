@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import ConfigError
@@ -21,7 +21,7 @@ from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
-from sain_core.types import Indices, PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
 from sain_model.inference.evidence import (
@@ -33,7 +33,7 @@ from sain_model.inference.evidence import (
     over_factors,
 )
 from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, by_friction, only, read_belief
-from sain_model.inference.posterior import Posterior, believed_values, infer, step_rows
+from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.settings import IDENTITY
 from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import Values, with_mass_ratio
@@ -56,18 +56,6 @@ class Origin:
 
 
 @dataclass(frozen=True, eq=False)
-class Inferred:
-    """What each of R rows of pushes says about the physics, and whether the network corrects it."""
-
-    posterior: Posterior
-    corrected: Bool[ndarray, "R"]
-
-    def of_rows(self, rows: Indices) -> "Inferred":
-        """Return some rows, any of them as often as its number is given."""
-        return Inferred(self.posterior.of_rows(rows), self.corrected[rows])
-
-
-@dataclass(frozen=True, eq=False)
 class SainDynamics(Model):
     """s' = f_p(s, a) + f_theta(f_p(s, a), s, a), the paper's equation 2."""
 
@@ -77,7 +65,7 @@ class SainDynamics(Model):
     bodies: Bodies = PAPER_DISKS  # that are pushed
     # the earlier pushes of the episode that it is conditioned on
     history: PushHistory | None = None
-    inferred: Inferred | None = None  # what these say, one row; None: there are none
+    inferred: Posterior | None = None  # what these say, one row; None: there are none
 
     @property
     def infers(self) -> bool:
@@ -90,19 +78,18 @@ class SainDynamics(Model):
         return self.network is not None and self.infers
 
     @cached_property
-    def now(self) -> Inferred:
+    def now(self) -> Posterior:
         """What is believed now, one row."""
         return self.inferred or self._inferred_from(PushHistory.empty(len(self.bodies)))
 
-    def _inferred_from(self, history: PushHistory) -> Inferred:
+    def _inferred_from(self, history: PushHistory) -> Posterior:
         return self.infer(self.observed(history), Known.first(len(history), [len(history)]))
 
     @cached_property
     def physics(self) -> Model:
         """f_p: the physics with the parameters that are the most likely now."""
-        posterior = self.now.posterior
-        kind = self.belief.kinds[posterior.kind[0]]
-        return kind.at(posterior.places[0, : len(kind.names)]).with_bodies(self.bodies)
+        ((_, kind),) = self.now.by_kind
+        return kind.at(self.now.places[0, : len(kind.names)]).with_bodies(self.bodies)
 
     @property
     def corrects(self) -> bool:
@@ -116,11 +103,11 @@ class SainDynamics(Model):
 
     def value(self, name: str) -> float:
         """Return the value of a parameter that is the most likely now."""
-        return float(self.now.posterior.values(self.belief, name)[0])
+        return float(self.now.values(name)[0])
 
     def spread(self, name: str) -> float:
         """Return the standard deviation of a parameter now: of its logarithm, if it is a factor."""
-        return float(self.now.posterior.log_spread(self.belief, name)[0])
+        return float(self.now.log_spread(name)[0])
 
     def condition(self, history: PushHistory) -> Self:
         """Return this model conditioned on an episode's earlier pushes.
@@ -200,9 +187,7 @@ class SainDynamics(Model):
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
         if self.network is None or not self.corrects:
             return physics_next.copy()
-        return self.network.correct(
-            self._as_seen(scenes, pushes, physics_next, self.now.posterior, values)
-        )
+        return self.network.correct(self._as_seen(scenes, pushes, physics_next, self.now, values))
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -247,47 +232,44 @@ class SainDynamics(Model):
         arrays = history.state, history.action, history.next_state
         return ObservedPushes(*arrays, np.zeros(len(history), np.int64), self.bodies, history.noise)
 
-    def infer(self, pushes: ObservedPushes, known: Known) -> Inferred:
+    def infer(self, pushes: ObservedPushes, known: Known) -> Posterior:
         """Return what rows say, each of the pushes that it is conditioned on."""
         pushes = pushes.alone
         posterior = infer(self.belief, pushes, known)
-        trained = np.array([kind.corrected for kind in self.belief.kinds])
-        of_bodies = np.array([kind.of_bodies for kind in self.belief.kinds])
+        trained, of_bodies = (
+            np.array([getattr(kind, name) for kind in self.belief.kinds])[posterior.kind]
+            for name in ("corrected", "of_bodies")
+        )
         knows = self.network is not None and self.network.knows(pushes.bodies)
-        corrected = trained[posterior.kind] & knows
-        corrected &= of_bodies[posterior.kind] | ~posterior.inferred
-        if self.belief.network_log_odds == np.inf:
-            return Inferred(posterior, corrected)
-        rows = np.flatnonzero(corrected)
-        odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
-        corrected[rows] = self.belief.network_log_odds + odds > 0.0
-        return Inferred(posterior, corrected)
+        corrected = trained & knows & (of_bodies | ~posterior.inferred)
+        if self.belief.network_log_odds < np.inf:
+            rows = np.flatnonzero(corrected)
+            odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
+            corrected[rows] = self.belief.network_log_odds + odds > 0.0
+        return replace(posterior, corrected=corrected)
 
-    def predict_rows(self, scenes: Scenes, pushes: Pushes, rows: Inferred) -> Prediction:
+    def predict_rows(self, scenes: Scenes, pushes: Pushes, rows: Posterior) -> Prediction:
         """Predict push i with what row i says, and say how certain that is; not widened."""
         physics_next, mean = self.step_rows(scenes, pushes, rows)
         spread = np.zeros(scenes.shape[:2])
         for name in sorted({name for kind in self.belief.kinds for name in kind.on_grid}):
             low, high = (
-                replace(rows, posterior=rows.posterior.moved(self.belief, name, way))
-                for way in (-1.0, 1.0)
+                self.step_rows(scenes, pushes, rows.moved(name, way))[1] for way in (-1.0, 1.0)
             )
-            ends = self.step_rows(scenes, pushes, high)[1] - self.step_rows(scenes, pushes, low)[1]
-            half = np.linalg.norm(ends[..., POSITION], axis=-1) / 2
-            spread = np.hypot(spread, half)
+            spread = np.hypot(spread, np.linalg.norm((high - low)[..., POSITION], axis=-1) / 2)
         if self.network is None:
             return Prediction(mean, np.zeros_like(spread), spread)
-        physics = self._as_seen(scenes, pushes, physics_next, rows.posterior)
+        physics = self._as_seen(scenes, pushes, physics_next, rows)
         prediction = Prediction(mean, self.network.spread(physics), spread)
         return self.network.with_regions(prediction, scenes, pushes, self.bodies)
 
-    def step_rows(self, scenes: Scenes, pushes: Pushes, rows: Inferred) -> tuple[Scenes, Scenes]:
+    def step_rows(self, scenes: Scenes, pushes: Pushes, rows: Posterior) -> tuple[Scenes, Scenes]:
         """Return what physics predicts for each row, and that with the correction that counts."""
-        physics_next = step_rows(self.belief, self.bodies, scenes, pushes, rows.posterior)
+        physics_next = rows.step(self.bodies, scenes, pushes)
         after, chosen = physics_next.copy(), np.flatnonzero(rows.corrected)
         if self.network is not None and len(chosen):
             batch = scenes[chosen], pushes[chosen], physics_next[chosen]
-            physics = self._as_seen(*batch, rows.posterior.of_rows(chosen))
+            physics = self._as_seen(*batch, rows.of_rows(chosen))
             after[chosen] = self.network.correct(physics)
         return physics_next, after
 
@@ -298,7 +280,7 @@ class SainDynamics(Model):
         if not known.counts.any() or self.network is None:
             return np.zeros(known.rows)
         pairs, each = pushes.select(known.push), posterior.of_rows(known.row)
-        everywhere = Inferred(each, np.ones(len(pairs), dtype=bool))
+        everywhere = replace(each, corrected=np.ones(len(pairs), dtype=bool))
         with_and_without = self.step_rows(pairs.state, pairs.action, everywhere)
         plain, better = (
             over_factors(
@@ -321,9 +303,9 @@ class SainDynamics(Model):
         It sees masses as the physics takes them to be, and what is believed of parameters, if it
         was made to.
         """
-        weighed = with_mass_ratio(scenes, posterior.values(self.belief, MASS_RATIO))
+        weighed = with_mass_ratio(scenes, posterior.values(MASS_RATIO))
         sees = self.network is not None and self.network.weights.config.believed
-        believed = believed_values(self.belief, posterior) if sees else {}
+        believed = posterior.believed() if sees else {}
         return PhysicsPrediction(weighed, pushes, after, self.bodies, believed | dict(values or {}))
 
 

@@ -22,9 +22,10 @@ from sain_model.data.dataset import Dataset, Part, Windows, make_windows
 from sain_model.dynamics.identify import body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
-from sain_model.dynamics.sain import RECURRENT, RESIDUAL, Inferred, SainDynamics
+from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
+from sain_model.inference.posterior import Posterior
 from sain_model.physics.planar import PlanarPrior
 
 NOMINAL_MID_RADIUS: Final = 0.08  # [m]
@@ -204,7 +205,7 @@ def earlier(part: Part) -> Known:
     return Known.earlier(part.episode, part.step)
 
 
-def inferred_rows(model: SainDynamics, part: Part) -> Inferred:
+def inferred_rows(model: SainDynamics, part: Part) -> Posterior:
     """Return for each push what its earlier pushes say: those of its episode, or of its body."""
     if model.belief.likeliest.of_bodies:
         body = np.unique(body_names(part), return_inverse=True)[1]
@@ -212,13 +213,13 @@ def inferred_rows(model: SainDynamics, part: Part) -> Inferred:
     return model.infer(part, earlier(part))
 
 
-def with_history(model: SainDynamics, rows: Inferred) -> Predictor:
+def with_history(model: SainDynamics, rows: Posterior) -> Predictor:
     """Return what a model predicts as in deployment: with what was inferred for each push."""
     return lambda scenes, pushes, some: model.step_rows(scenes, pushes, rows.of_rows(some))[1]
 
 
 def predict_with_history(
-    model: SainDynamics, part: Part, rows: Inferred | None = None
+    model: SainDynamics, part: Part, rows: Posterior | None = None
 ) -> Prediction:
     """Return predictions as in deployment, with what the episode's earlier pushes say.
 

@@ -32,46 +32,70 @@ STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be m
 class Posterior:
     """What each of R rows says about the kinds of a belief."""
 
+    belief: Belief
     kind: Int[ndarray, "R"]  # number of the most likely one
     # whether all parameters are inferred; else those of the grid alone
     inferred: Bool[ndarray, "R"]
     places: Places  # vectors z of that kind; 0 beyond its own parameters
     spreads: Places  # standard deviations of z
+    corrected: Bool[ndarray, "R"]  # whether the network corrects it
 
     @classmethod
-    def at(cls, kind: int, places: Places) -> Self:
+    def at(cls, belief: Belief, kind: int, places: Places, corrected: Bool[ndarray, "R"]) -> Self:
         """Return rows with one kind of physics at vectors z (R, D)."""
         nothing = np.zeros(len(places), np.int64)
-        return cls(nothing + kind, nothing > 0, places, np.zeros_like(places))
+        return cls(belief, nothing + kind, nothing > 0, places, np.zeros_like(places), corrected)
 
     def of_rows(self, rows: Int[ndarray, "C"] | slice) -> Self:
         """Return some rows, any of them as often as its number is given."""
-        return type(self)(**{name: values[rows] for name, values in vars(self).items()})
+        arrays = {name: some[rows] for name, some in vars(self).items() if name != "belief"}
+        return replace(self, **arrays)
 
-    def moved(self, belief: Belief, name: str, deviations: float) -> Self:
+    @property
+    def by_kind(self) -> list[tuple[Int[ndarray, "C"], Kind]]:
+        """The rows of each kind that has any."""
+        return _of_kinds(self.belief, self.kind)
+
+    def moved(self, name: str, deviations: float) -> Self:
         """Return the rows with a parameter so many of its standard deviations away."""
         places = self.places.copy()
-        for number, kind in enumerate(belief.kinds):
+        for rows, kind in self.by_kind:
             if name in kind.names:
-                rows, column = self.kind == number, kind.names.index(name)
+                column = kind.names.index(name)
                 places[rows, column] += deviations * self.spreads[rows, column]
-        return type(self)(**(vars(self) | {"places": places}))
+        return replace(self, places=places)
 
-    def values(self, belief: Belief, name: str) -> Scalars:
+    def values(self, name: str) -> Scalars:
         """Return the value of a parameter (R,)."""
         found = np.empty(len(self.kind))
-        for rows, kind in _of_kinds(belief, self.kind):
+        for rows, kind in self.by_kind:
             found[rows] = kind.value(name, self.places[rows])
         return found
 
-    def log_spread(self, belief: Belief, name: str) -> Scalars:
+    def log_spread(self, name: str) -> Scalars:
         """Return the spread (R,) of a parameter: of its logarithm, if it is a factor."""
         found = np.zeros(len(self.kind))
-        for rows, kind in _of_kinds(belief, self.kind):
+        for rows, kind in self.by_kind:
             if name in kind.names:
                 column = kind.names.index(name)
                 found[rows] = kind.parameters[column].spread * self.spreads[rows, column]
         return found
+
+    def believed(self) -> dict[str, Scalars]:
+        """Return the values (R,) of all parameters that pushes show, by name.
+
+        Where a parameter is none of a row's kind, it has the value of that kind's prior.
+        """
+        names = dict.fromkeys(name for kind in self.belief.kinds for name in kind.names)
+        return {name: self.values(name) for name in names}
+
+    def step(self, bodies: Bodies, scenes: Scenes, pushes: Pushes) -> Scenes:
+        """Predict push i (M, N, 8) with the physics of row i."""
+        predicted = np.empty_like(scenes)
+        for rows, kind in self.by_kind:
+            values = kind.values(self.places[rows])
+            predicted[rows] = kind.step(bodies, scenes[rows], pushes[rows], values)
+        return predicted
 
 
 def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
@@ -100,32 +124,7 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         places[some[better], :count] = found.places[better]
         deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
         spreads[some[better], :count] = deviations[better]
-    return Posterior(best, inferred, places, spreads)
-
-
-def step_rows(
-    belief: Belief, bodies: Bodies, scenes: Scenes, pushes: Pushes, posterior: Posterior
-) -> Scenes:
-    """Predict push i (M, N, 8) with the physics of row i."""
-    predicted = np.empty_like(scenes)
-    for rows, kind in _of_kinds(belief, posterior.kind):
-        values = kind.values(posterior.places[rows])
-        predicted[rows] = kind.step(bodies, scenes[rows], pushes[rows], values)
-    return predicted
-
-
-def believed_values(belief: Belief, posterior: Posterior) -> dict[str, Scalars]:
-    """Return the values (R,) of all parameters that pushes show, by name.
-
-    Where a parameter is none of a row's kind, it has the value of that kind's prior.
-    """
-    names = dict.fromkeys(name for kind in belief.kinds for name in kind.names)
-    found = {name: np.empty(len(posterior.kind)) for name in names}
-    for rows, kind in _of_kinds(belief, posterior.kind):
-        values = kind.values(posterior.places[rows])
-        for name, value in found.items():
-            value[rows] = values[name] if name in values else getattr(kind.config, name)
-    return found
+    return Posterior(belief, best, inferred, places, spreads, inferred)
 
 
 def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:
