@@ -131,11 +131,10 @@ def test_what_is_fixed_stays_and_stops_others():
 def test_bodies_never_end_up_inside_each_other(names):
     prior = prior_of(*names)
     scenes, pushes = draw(prior.bodies, batch=200)
-    after, touched = prior.step_with_contacts(scenes, pushes)
-    alone = touched.sum(axis=1) <= 1  # the tool may squeeze what it should not touch
+    after = prior.step(scenes, pushes)
     deepest = [
         max(overlap(scene, prior.bodies, *pair) for pair in ((0, 1), (0, 2), (1, 2)))
-        for scene in after[alone]
+        for scene in after
     ]
     assert np.quantile(deepest, 0.98) < 1e-4
     assert np.max(deepest) < 3e-3
@@ -153,18 +152,6 @@ def test_overlaps_at_the_start_are_undone_without_giving_speed():
     moved = np.abs((after - scene)[0, :2, [X, Y]]).max()
     assert 1e-4 < moved < 2e-3
     assert overlap(after[0], prior.bodies, 0, 1) < 1e-4
-
-
-def test_the_tool_touches_what_is_in_its_way_and_says_so():
-    prior = prior_of("bar", "disk", "square")
-    scene = make_scene(
-        np.array([[0.45, 0.0], [0.47, 0.05], [0.7, 0.3]]),
-        np.full(3, 2.0),
-        np.array([0.1, 0.015, 0.05]),
-    )[None]
-    pushes = make_push([-2.3, 2.3], [np.pi / 4, 0.0], [0.15, 0.05])
-    _, touched = prior.step_with_contacts(np.repeat(scene, 2, axis=0), pushes)
-    assert touched.tolist() == [[True, True, False], [True, False, False]] or touched[1, 0]
 
 
 def test_pushed_disks_move_along_with_the_push_and_gain_no_energy():

@@ -75,7 +75,7 @@ def run(options: TrainOptions, console: Console) -> None:
         options = replace(options, training=config)
     config = options.training
     data = load_dataset(*options.dataset)
-    split = split_by_episode(data, config.seed, config.validation, config.test, config.transitions)
+    split = split_by_episode(data, config.seed, config.validation, config.test)
     if parent:
         parent.check_data(data)
     model, histories = fit(

@@ -126,12 +126,6 @@ class Dataset:
         picked = (part.select(mask) for part, mask in zip(self.parts, masks, strict=True))
         return replace(self, parts=tuple(part for part in picked if len(part)))
 
-    def first(self, count: int) -> Self:
-        """Return so many pushes: episodes in order, the last one in part."""
-        rows = np.zeros(len(self), dtype=bool)
-        rows[np.lexsort((self._column(Column.STEP), self.episode))[:count]] = True
-        return self.select(rows)
-
     @property
     def counts(self) -> dict[str, int]:
         """How many pushes there are in each setting."""
@@ -178,31 +172,13 @@ def load_dataset(*paths: Path) -> Dataset:
     return Dataset(joined, hashlib.sha256(" ".join(hashes).encode()).hexdigest(), hashes)
 
 
-def split_by_episode(
-    data: Dataset, seed: int, validation: float, test: float, transitions: int = 0
-) -> Split:
+def split_by_episode(data: Dataset, seed: int, validation: float, test: float) -> Split:
     """Split transitions so that no episode is in two parts; see `sain_core.transitions.draw_parts`.
 
     With no share for the test, training and validation share all: 90 to 10 or 80 to 20 in the
-    paper. `transitions` are how many to train on; 0: all.
-    Raises `DatasetError`: too few episodes for the parts, or too few transitions.
+    paper. Raises `DatasetError`: too few episodes for the parts.
     """
-    split = Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
-    return _limit_training(split, transitions) if transitions else split
-
-
-def _limit_training(split: Split, transitions: int) -> Split:
-    """Return a split with so many transitions to train on, and as small a share to validate on.
-
-    Episodes are taken in order, the last one in part; what is held out stays whole.
-    """
-    count = len(split.train)
-    if transitions > count:
-        raise DatasetError(
-            f"{transitions} transitions to train on are asked for; there are {count}"
-        )
-    validated = max(round(len(split.validation) * transitions / count), 1)
-    return Split(split.train.first(transitions), split.validation.first(validated), split.test)
+    return Split(*map(data.select, draw_parts(data.episode, seed, validation, test)))
 
 
 # --- reading --------------------------------------------------------------------------------------

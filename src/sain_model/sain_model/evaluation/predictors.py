@@ -16,7 +16,6 @@ from numpy import ndarray
 
 from sain_core.model import IdentityPrior, Model, answering, check_step
 from sain_core.push import LENGTH
-from sain_core.scene import MASS, MID, NOMINAL_MASS, RADIUS
 from sain_core.types import Indices, Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset, Part, Windows, make_windows
 from sain_model.dynamics.identify import body_names
@@ -28,23 +27,10 @@ from sain_model.inference.kinds import FRICTION, friction_belief
 from sain_model.inference.posterior import Posterior
 from sain_model.physics.planar import PlanarPrior
 
-NOMINAL_MID_RADIUS: Final = 0.08  # [m]
-NOMINAL_RADIUS: Final = 0.06  # [m], of every other disk
 AT_ONCE: Final = 32  # pushes between two looks at the clock
 
 
-def step_as_nominal(prior: PlanarPrior, scenes: Scenes, pushes: Pushes) -> Scenes:
-    """Predict as `prior`, believing that every body has nominal mass, every disk nominal radius."""
-    believed = scenes.copy()
-    believed[..., MASS] = NOMINAL_MASS
-    if prior.bodies.all_round:
-        believed[..., RADIUS] = NOMINAL_RADIUS
-        believed[:, MID, RADIUS] = NOMINAL_MID_RADIUS
-    return prior.step_with_contacts(scenes, pushes, believed=believed)[0]
-
-
 NO_MOTION: Final = "no motion"
-NOMINAL: Final = "planar, nominal"
 BULLET: Final = "bullet, nominal"
 MEASURED: Final = "planar, measured"
 FLOOR: Final = "floor"
@@ -110,7 +96,6 @@ def _predict_part(
     learning = SainDynamics(friction_belief(planar), bodies=part.bodies)
     predictors: dict[str, Predictor] = {
         NO_MOTION: plain(IdentityPrior()),
-        NOMINAL: lambda scenes, pushes, _: step_as_nominal(planar, scenes, pushes),
         MEASURED: plain(planar),
         PLANAR_TRUE: _with_friction(planar, part.friction),
         PLANAR_HISTORY: with_history(learning, inferred_rows(learning, part)),

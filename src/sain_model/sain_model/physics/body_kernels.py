@@ -54,7 +54,7 @@ BODY: Final = _record(
     " tilt_x tilt_y"
     # The last velocity of a body that creeps [m/s, rad/s], and how its friction has directions.
     " creep_x creep_y creep_spin grain_x grain_y",
-    flags="stuck touched creeps",
+    flags="stuck creeps",
 )
 # A corner in its body's frame [m], with the side to the next one: its direction and length.
 CORNER: Final = _record("x y side_x side_y length", flags="convex")
@@ -133,8 +133,6 @@ def load_bodies(states, order, table, start_x, start_y, physics, own, work):
         _load_body(bodies[row], states[body], table, body, physics, own[body])
         _load_corners(work, row, states[body, STATE_RADIUS], table, body)
         _load_supports(work, row, states[body, STATE_RADIUS], table, body, physics, own[body])
-    for row in range(bodies.shape[0]):
-        bodies[row].touched = False
     for contact in range(work.counts[0]):  # of the push before
         work.contacts[contact].pressed = 0.0
     forget_steps(work)
@@ -291,11 +289,10 @@ def forget_steps(work):
 
 
 @compiled
-def unload_bodies(states, order, work, touched):
-    """Write the bodies, at rest, back to the scene, and which of them the tool has touched."""
+def unload_bodies(states, order, work):
+    """Write the bodies, at rest, back to the scene."""
     for index in range(states.shape[0]):
         body, state = work.bodies[index + 1], states[order[index]]
-        touched[order[index]] = body.touched
         _unload_place(body, state)
         if body.turned != 0.0:
             heading = state[STATE_THETA] + body.turned

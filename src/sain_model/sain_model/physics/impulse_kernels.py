@@ -289,16 +289,6 @@ def solve_impulses(work, tool_speed):
         # Where all others saw what the first contact did and stayed, another sweep changes nothing.
         if others == 0.0 or max(first, others) < CONVERGED * tool_speed:
             break
-    _note_touched(work)
-
-
-@compiled
-def _note_touched(work):
-    """Note which bodies the tool presses on."""
-    for index in range(work.counts[0]):
-        contact = work.contacts[index]
-        if contact.along > 0.0 and contact.point_body == TOOL:
-            work.bodies[contact.side_body].touched = True
 
 
 @compiled

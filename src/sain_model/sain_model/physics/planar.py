@@ -53,7 +53,6 @@ from sain_model.physics.touch_kernels import (
     find_touches,
 )
 
-Touched = Bool[ndarray, "B N"]
 Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
 
 SHARE: Final = 2  # column of a support, after its x and y
@@ -79,22 +78,20 @@ class BodyTable(NamedTuple):
 
 def push_bodies(
     scenes: Scenes, ways: Ways, pushed: Indices, table: BodyTable, physics: ndarray, own: ndarray
-) -> tuple[Scenes, Touched]:
-    """Simulate pushes: return the settled scenes, and which bodies the tool touched (B, N).
+) -> Scenes:
+    """Simulate pushes: return the settled scenes.
 
     `ways` are as `tool_ways` makes them, `physics` (B,) and `own` (B, N) as `rows_of` does.
     """
     order, after = nearest_first(scenes, pushed), plain(scenes.copy())
-    touched = np.zeros(scenes.shape[:2], dtype=bool)
     size = even_blocks(len(scenes), CHUNK)
 
     def work(first: int) -> None:
         rows = slice(first, first + size)
-        given = ways[rows], table, physics[rows], own[rows]
-        push_bodies_block(0, after[rows], order[rows], *given, touched[rows])
+        push_bodies_block(0, after[rows], order[rows], ways[rows], table, physics[rows], own[rows])
 
     run_blocks(work, len(scenes), size)
-    return after, touched
+    return after
 
 
 def tool_ways(
@@ -261,21 +258,6 @@ class PlanarPrior(Model):
         stroke that begins inside a body; `OutOfRangeError`: a push that no model may be asked
         about.
         """
-        return self.step_with_contacts(scenes, pushes, values)[0]
-
-    def step_with_contacts(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        values: Values | None = None,
-        believed: Scenes | None = None,
-    ) -> tuple[Scenes, Touched]:
-        """As `step`, and tell for each push which bodies the tool touched, (B, N).
-
-        Masses and radii may be others that are believed, (B, N, 8). The tool moves as it does in
-        truth: its way comes from the scenes. Overlaps of bodies that are believed too large are
-        undone without giving them speed.
-        """
         check_batch(scenes, pushes, self.bodies)
         values = values or {}
         batch, count, _ = scenes.shape
@@ -287,13 +269,11 @@ class PlanarPrior(Model):
         limits = _limits(config.tool_radius, config.clearance)
         physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
-        table, pushed = body_table(bodies), pushed_bodies(pushes)
-        known = scenes if believed is None else believed
-        after, touched = push_bodies(known, ways, pushed, table, physics, own)
+        after = push_bodies(scenes, ways, pushed_bodies(pushes), body_table(bodies), physics, own)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
         after[..., MASS:] = scenes[..., MASS:]
-        return after, touched
+        return after
 
 
 @lru_cache

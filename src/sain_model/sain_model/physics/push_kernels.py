@@ -266,7 +266,7 @@ def creep(push, distance, physics, work):
 
 
 @compiled_apart
-def push_bodies(states, order, push, table, physics, own, work, touched):
+def push_bodies(states, order, push, table, physics, own, work):
     """Carry out one push in place; arguments are rows of those of `push_bodies_block`."""
     load_bodies(states, order, table, push[0], push[1], physics, own, work)
     tool = work.bodies[TOOL]
@@ -276,7 +276,7 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
         return
     if creeps(work.bodies, fastest_tool, physics):
         creep(push, distance, physics, work)
-        unload_bodies(states, order, work, touched)
+        unload_bodies(states, order, work)
         return
     profile = make_profile(length, fastest_tool, physics.acceleration)
     time = time_of(profile, distance)
@@ -292,11 +292,11 @@ def push_bodies(states, order, push, table, physics, own, work, touched):
         fastest = advance(work, fastest_tool, physics, step)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break
-    unload_bodies(states, order, work, touched)
+    unload_bodies(states, order, work)
 
 
 @callable_kernel
-def push_bodies_block(first, scenes, order, pushes, table, physics, own, touched):
+def push_bodies_block(first, scenes, order, pushes, table, physics, own):
     """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
 
     Args:
@@ -308,18 +308,9 @@ def push_bodies_block(first, scenes, order, pushes, table, physics, own, touched
         table: of the bodies.
         physics: `PUSH_ROW` of `physics.parameters`, (B,).
         own: `BODY_ROW`, (B, N).
-        touched: (B, N) bool, receives which bodies the tool touched.
     """
     work = make_workspace(table)
     for index in range(first, min(first + CHUNK, scenes.shape[0])):
         if pushes[index, 3] > 0.0:
-            push_bodies(
-                scenes[index],
-                order[index],
-                pushes[index],
-                table,
-                physics[index],
-                own[index],
-                work,
-                touched[index],
-            )
+            given = physics[index], own[index]
+            push_bodies(scenes[index], order[index], pushes[index], table, *given, work)

@@ -60,7 +60,6 @@ class TrainingConfig(Config):
         minimum=0.0,
         maximum=0.5,
     )
-    transitions: int = option(0, "number of training transitions; 0: all", minimum=0)
     prior: str = option(
         PLANAR,
         "model that is corrected: a name in the registry of models; identity: the network alone",
