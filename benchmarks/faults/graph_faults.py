@@ -12,6 +12,7 @@ import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
@@ -20,7 +21,7 @@ from rich.console import Console
 
 from benchmarks.faults.arm_faults import arm_faults
 from benchmarks.faults.hostile import PACKAGES, files, messages
-from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows, own_domain
+from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows
 from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
@@ -66,7 +67,7 @@ def strikes(
         laboratory = place / "laboratory" if name in LEARNING else None
         options = GraphOptions(bag=place / "bag", learn=str(laboratory or ""))
         with graph(place, options) as running:
-            striking = Strikes(running, kill if kind == "kill" else stop, name, seed)
+            striking = Strikes(running, partial(strike, kind), name, seed)
             striking.repeat(tries)
         observed = running.observed
         lost = observed.twice + observed.broken
@@ -83,27 +84,16 @@ def learned_twice(path: Path) -> int:
     return len(digests) - len(set(digests))
 
 
-def kill(process: int) -> None:
-    """Kill a process."""
-    os.kill(process, signal.SIGKILL)
-
-
-def stop(process: int) -> None:
-    """Stop a process for some time."""
-    os.kill(process, signal.SIGSTOP)
+def strike(kind: str, process: int) -> None:
+    """Kill a process, or stop it for some time."""
+    os.kill(process, signal.SIGKILL if kind == "kill" else signal.SIGSTOP)
 
     def go_on() -> None:
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGCONT)
 
-    threading.Timer(STOPPED, go_on).start()
-
-
-def hostile_messages(count: int, seed: int) -> Iterator[Row]:
-    """Send each node spoilt messages."""
-    for name in PACKAGES:
-        with own_domain():
-            yield messages(name, count, seed)
+    if kind == "stop":
+        threading.Timer(STOPPED, go_on).start()
 
 
 def measure(options: Options, folder: Path) -> Iterator[Row]:
@@ -111,7 +101,7 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
     given: dict[str, Callable[[], Iterator[Row]]] = {
         "kill": lambda: strikes(folder, "kill", options.kills, options.seed, options.parts),
         "stop": lambda: strikes(folder, "stop", options.stops, options.seed, options.parts),
-        "messages": lambda: hostile_messages(options.messages, options.seed),
+        "messages": lambda: (messages(one, options.messages, options.seed) for one in PACKAGES),
         "files": lambda: iter([files(folder, options.files, options.seed)]),
         "arm": lambda: arm_faults(folder, options.arm),
     }

@@ -24,6 +24,7 @@ import numpy as np
 import rclpy
 from rclpy.node import Node
 
+from benchmarks.faults.running import own_domain
 from benchmarks.faults.table import Row
 from benchmarks.speed.made_bags import MadeBag
 from sain_bags.dataset.conversion import convert
@@ -204,8 +205,9 @@ def spoilt(value: Any, kind: str, random: Random) -> Any:
     return value
 
 
+@own_domain()
 def messages(name: str, count: int, seed: int) -> Row:
-    """Start a node in this domain, send it spoilt messages; return how many it answered."""
+    """Start a node in its own domain, send it spoilt messages; return how many it answered."""
     code = f"import sys; from {PACKAGES[name]}.commands import {name}; sys.exit({name}())"
     command = [sys.executable, "-c", code]
     command += ["--ros-args", "-p", "model:=planar"] if name == "model_node" else []

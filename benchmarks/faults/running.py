@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
 from typing import Any, Final
+from unittest.mock import patch
 
 import domain_coordinator
 import numpy as np
@@ -119,16 +120,11 @@ class Graph:
 @contextmanager
 def own_domain() -> Iterator[None]:
     """Use a domain that nobody else uses: not even processes that were killed a moment ago."""
-    before = os.environ.get("ROS_DOMAIN_ID")
-    with domain_coordinator.domain_id() as domain:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
-        try:
-            yield
-        finally:
-            if before is None:
-                del os.environ["ROS_DOMAIN_ID"]
-            else:
-                os.environ["ROS_DOMAIN_ID"] = before
+    with (
+        domain_coordinator.domain_id() as domain,
+        patch.dict(os.environ, ROS_DOMAIN_ID=str(domain)),
+    ):
+        yield
 
 
 @contextmanager
@@ -141,11 +137,7 @@ def graph(folder: Path, options: GraphOptions) -> Iterator[Graph]:
         for one in made:
             one.interference()
 
-    with (
-        own_domain(),
-        ros_context(),
-        Supervisor(folder, UNHURRIED, NEVER) as supervisor,
-    ):
+    with own_domain(), ros_context(), Supervisor(folder, UNHURRIED, NEVER) as supervisor:
         director = Director(check, TIMEOUT, supervisor)
         observed = Observed()
         director.create_subscription(PushResult, "push_result", observed.on_result, QUEUE)

@@ -44,8 +44,8 @@ class PushExecution:
     | retreats | error | - | - | executed, rests | - |
     | goes home | waits; ready: plans | - | sent; none: rests | rests | - |
 
-    A goal has succeeded when the controller says so and the joints are at its end. A goal that was
-    not sent, as bodies were moved, is a push refused.
+    A goal has succeeded when the controller says so and the joints are at its end. An approach that
+    was to be cancelled has not. A goal that was not sent, as bodies were moved, is a push refused.
 
     Attributes:
         phase: what the arm does.
@@ -60,7 +60,7 @@ class PushExecution:
         self._plan: PushPlan | None = None
         self._since = 0.0  # when the push came, or the stroke ended [s], of the steady clock
         self._goal: Trajectory | None = None  # under way
-        self._sent, self._cancelled = 0.0, False
+        self._sent, self._cancelled = 0.0, ""  # when [s], and why
         self._arrives: float | None = None  # until when [s] the joints may come to its end
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
         self._retreat_asked = False
@@ -158,14 +158,14 @@ class PushExecution:
         """Send a goal, if the arm may move."""
         if arm.stopped:
             return self._take_ending(Ending(Ended.REJECTED, arm.stopped), arm)
-        self._goal, self._sent, self._cancelled = goal, arm.time, False
+        self._goal, self._sent, self._cancelled = goal, arm.time, ""
         self._arrives = None
         return [events.Send(goal, touches)]
 
     def _cancel_if_stopped(self, arm: ArmState) -> list[Action]:
         if self._goal is None or self._cancelled or not arm.stopped:
             return []
-        self._cancelled = True
+        self._cancelled = arm.stopped
         return [events.Cancel(arm.stopped)]
 
     def _on_goal_ended(self, ending: Ending, arm: ArmState) -> list[Action]:
@@ -214,6 +214,9 @@ class PushExecution:
         return _unless_succeeded(ending, "the arm is not home")
 
     def _after_approach(self, ending: Ending, arm: ArmState) -> list[Action]:
+        """Push, unless the approach failed, or was to be cancelled and had come to its end."""
+        if ending.how is Ended.SUCCEEDED and self._cancelled:
+            ending = Ending(Ended.CANCELLED, self._cancelled)
         if ending.how is not Ended.SUCCEEDED:
             text = f"{ending}; the tool had not come to the body yet"
             return self._refuse(CancelledError(text))
