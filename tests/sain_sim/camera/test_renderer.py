@@ -6,7 +6,7 @@ import pytest
 from sain_arm.robot.robot import read_robot, shipped
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.errors import ConfigError
-from sain_core.scene import POSITION, THETA
+from sain_core.scene import POSITION, THETA, Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape
 from sain_sim.camera.renderer import Renderer
@@ -60,6 +60,16 @@ def test_the_arm_is_seen_where_its_joints_are(renderer):
     view, home = renderer
     seen = [view.drawing(home + turn, SCENE, 320, 180).hides for turn in (0.0, 0.2)]
     assert seen[0].sum() > 100 and (seen[0] != seen[1]).sum() > 50
+
+
+def test_nothing_is_seen_through_the_table(renderer):
+    view, home = renderer
+    pixels = np.stack([*np.meshgrid(np.arange(160), np.arange(90)), np.ones((90, 160))], axis=-1)
+    rays = pixels @ np.linalg.inv(CAMERA.matrix).T @ CAMERA.rotation.T
+    along = -CAMERA.eye[2] / rays[..., 2]
+    top = Table().contains((CAMERA.eye + along[..., None] * rays)[..., :2])
+    depth = view.drawing(home, SCENE, 160, 90).depth
+    assert top.sum() > 1000 and (depth[top] < along[top] + 0.001).all()
 
 
 def test_a_window_without_a_screen_is_refused_in_words(monkeypatch):

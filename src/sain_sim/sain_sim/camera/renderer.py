@@ -141,8 +141,8 @@ class Renderer:
             self._draw_goal(layer.colour, goal)
         where = self._silhouettes.draw(self.data, self._project, width, height, 2)
         hits = self._cast(self._rays[where], groups)
+        hit = (hits.body >= 0) & (hits.depth < layer.depth[where])
         for image, pixels in zip(layer, hits, strict=True):
-            hit = hits.body >= 0
             image[where] = np.where(hit[:, None] if pixels.ndim > 1 else hit, pixels, image[where])
         return layer
 
