@@ -5,7 +5,7 @@ from itertools import islice
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from sain_bags.bag.metadata import TopicQos
@@ -61,40 +61,42 @@ def flags(record: Callable[..., object], messages, tmp_path: Path) -> Path:
     return tmp_path / "bag"
 
 
-def flag_times(events: list[Event]) -> list[tuple[float, int]]:
-    """Return when flags are due, and which."""
-    return [(round(e.due, 6), e.raw.sequence) for e in events if e.raw and e.raw.topic == "/flag"]
-
-
 def passage(folder: Path, latched: dict[str, int] | None = None, **config) -> Passage:
     return Passage(Bag(folder), {"/flag", "/word"}, PlayOptions(Path(), **config), latched)
 
 
-def test_messages_are_due_when_they_came(flags):
-    events = list(passage(flags).events())
-    assert flag_times(events) == [(round(0.1 * place, 6), place + 1) for place in range(10)]
-    assert [event.due for event in events] == sorted(event.due for event in events)
-    assert len(events) == 12
-
-
-@given(rate=st.floats(0.01, 100.0))
-def test_a_rate_stretches_time(rate):
-    events = [Event(place / rate, 0, None) for place in range(20)]
-    hand = Hand()
+@settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.floats(0.1, 10.0), st.floats(0.0, 0.9), st.floats(0.0, 1.0), st.sampled_from([0, 10, 37]))
+def test_all_of_a_part_is_due_when_it_came_by_the_rate(flags, rate, start, duration, clock):
+    """Messages, and the time between them at its own rate; again and again in a loop."""
+    config = {"rate": rate, "start": start, "duration": duration, "clock": clock}
+    chosen, hand = passage(flags, **config), Hand()
+    events = list(chosen.events())
     play(iter(events), hand.publish, hand)
-    assert [time for time, _ in hand.published] == pytest.approx([e.due for e in events], rel=1e-6)
-
-
-def test_rate_start_and_duration(flags):
-    chosen = passage(flags, rate=2.0, start=0.25, duration=0.4)
-    assert flag_times(list(chosen.events())) == [(0.025, 4), (0.075, 5), (0.125, 6), (0.175, 7)]
-    assert chosen.duration == pytest.approx(0.2)
+    assert [time for time, _ in hand.published] == pytest.approx([e.due for e in events])
+    first, last = START + round(1e9 * start), START + round(1e9 * 0.9)
+    last = min(last, first + round(1e9 * duration)) if duration else last
+    messages = list(Bag(flags).raw_messages({"/flag", "/word"}, first))
+    assert [e.raw for e in events if e.raw] == [raw for raw in messages if raw.log_time <= last]
+    for event in events:
+        assert event.due == pytest.approx(1e-9 * (event.time - first) / rate, abs=1e-9)
+    ticks = [event.time for event in events if event.raw is None]
+    step = 1e9 * rate / clock if clock else 0.0
+    assert ticks == [first + round(n * step) for n in range(len(ticks))]
+    assert bool(clock) == bool(ticks) and (not clock or last - ticks[-1] < step)
+    assert [event.due for event in events] == sorted(event.due for event in events)
+    assert chosen.duration == pytest.approx(1e-9 * (last - first) / rate)
+    looped = list(islice(passage(flags, loop=True, **config).events(), 3 * len(events)))
+    turn = chosen.duration or 1.0 / rate  # of a part without a duration
+    for number, event in enumerate(looped):
+        turns, place = divmod(number, len(events))
+        assert event.due == pytest.approx(turns * turn + events[place].due, abs=1e-6)
 
 
 def test_what_was_latched_before_the_start_comes_first(flags):
     events = list(passage(flags, {"/word": 1}, start=0.5).events())
     assert (events[0].due, events[0].raw.topic, events[0].raw.sequence) == (0.0, "/word", 4)
-    assert flag_times(events)[0] == (0.0, 6)
+    assert [(e.due, e.raw.sequence) for e in events][1] == (0.0, 6)
     assert len([e for e in events if e.raw.topic == "/word"]) == 1
     assert len(list(passage(flags, {"/word": 5}, start=0.5).events())) == 7
     assert len(list(passage(flags, {"/word": 5}).events())) == 12  # none is played twice
@@ -115,22 +117,6 @@ def test_what_a_split_repeats_is_played_once(record, messages, tmp_path, start):
     assert [event.due for event in word.events()] == pytest.approx(expected)
 
 
-def test_a_loop_goes_on_without_a_pause_or_drift(flags):
-    events = islice(passage(flags, loop=True, rate=3.0).events(), 36 * 12)
-    starts = [
-        event.due for event in events if event.raw.sequence == 1 and event.raw.topic == "/flag"
-    ]
-    assert starts == pytest.approx([0.3 * turn for turn in range(36)], abs=1e-9)
-
-
-def test_time_is_told_between_messages_at_its_rate(flags):
-    chosen = passage(flags, rate=2.0, clock=10.0)
-    events = list(chosen.events())
-    ticks = [(round(e.due, 6), e.time - START) for e in events if e.raw is None]
-    assert ticks == [(round(0.1 * n, 6), n * SECOND // 5) for n in range(5)]
-    assert [event.due for event in events] == sorted(event.due for event in events)
-
-
 def test_what_is_overdue_comes_at_once_and_in_order():
     hand = Hand(takes=0.25)
     played = play((Event(0.1 * place, place, None) for place in range(5)), hand.publish, hand)
@@ -145,9 +131,6 @@ def test_topics_are_chosen(flags):
     assert [t.name for t in choose_topics(bag, ("/parameter_events",))] == ["/parameter_events"]
     with pytest.raises(DatasetError, match=r"has no topic /other; it has /flag, /param.*, /word"):
         choose_topics(bag, ("/other",))
-
-
-BEST, SURE = TopicQos(reliability="best_effort", depth=3), TopicQos(depth=7)
 
 
 def test_a_recorded_clock_is_not_doubled(flags):

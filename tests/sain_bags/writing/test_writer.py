@@ -223,11 +223,3 @@ def test_mcap_says_what_the_registry_asks_for(compression: str, tmp_path: Path) 
     assert {chunk.compression for chunk in summary.chunk_indexes} == {
         "" if compression == "none" else compression
     }
-
-
-def test_a_bag_without_messages_is_whole(tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag") as writer:
-        writer.add_topic(TEXT)
-    assert [topic.messages for topic in Bag(tmp_path / "bag").topics] == [0]
-    with Reader(tmp_path / "bag") as reader:
-        assert reader.message_count == 0
