@@ -12,25 +12,27 @@ from numpy import ndarray
 from sain_bags.dataset.formats import FormatName
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.latched import Latched
-from sain_bags.rows.results import OK, RecordedScenes, ResultReader, Results
+from sain_bags.rows.results import OK, ResultReader, Results
 from sain_bags.rows.topics import BODIES, GOAL, PUSH_RESULT, WORLD, topics_of
 from sain_core.config import Config, option
-from sain_core.errors import ErrorCode, InvalidInputError, OutOfRangeError, SainError
+from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.untrusted import one_line, shown
 from sain_core.model import Model
-from sain_core.push import PUSH_NAMES, allowed_ranges, check_predictable
+from sain_core.push import BODY, PUSH_NAMES, allowed_ranges, check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET, THETA
 from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.transitions import LIMITS as UNITS
 from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds
-from sain_core.types import Mask, Pushes, Scene, Scenes
-from sain_core.wire import FRAMES, MIN_DISKS, check_disks, check_fields
+from sain_core.types import Mask, Pushes, Scenes
+from sain_core.wire import FRAMES, MIN_DISKS
 
 READ: Final = (PUSH_RESULT, GOAL, BODIES, WORLD)  # types of the messages that rows are made of
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 LONGEST: Final = 3600.0  # [s], of a push
 LIMITS: Final = {**UNITS, THETA: (-2.0 * pi, 2.0 * pi)}  # of columns of a scene
+ANY: Final = (-float(np.finfo(float).max), float(np.finfo(float).max))  # but NaN and Inf
+UNIT_HINT: Final = "; lengths are in m, headings in rad, masses in kg"
 
 REFUSED: Final = "refused"
 REPEATED: Final = "push id used before"
@@ -138,7 +140,10 @@ class _RowMaker:
             pushes.keep(before.settled & after.settled, UNSETTLED)
         counts = before.counts
         alike = (counts == after.counts) & (counts >= MIN_DISKS)
-        pushes.keep(alike, SENSELESS, why_senseless)
+        pushes.keep(alike, SENSELESS, why_uneven)
+        for scenes in (before, after):
+            frames = scenes.column("header.frame_id").astype(np.str_)
+            pushes.keep(np.isin(frames, FRAMES), SENSELESS, partial(why_elsewhere, scenes.name))
         blocks = [
             self._block(pushes, np.flatnonzero(pushes.kept & (counts == count)), int(count))
             for count in np.unique(counts[pushes.kept])
@@ -165,9 +170,8 @@ class _RowMaker:
             scenes.disks.take(chosen, count) for scenes in (results.before, results.after)
         )
         physics, predicted = results.physics(chosen, count), results.predicted[chosen]
-        sensible = _sensible(results, chosen, before, after)
-        sensible &= np.isfinite(physics).all(axis=(1, 2)) | ~predicted
-        pushes.keep_of(chosen, sensible, SENSELESS, why_senseless)
+        numbers = _Numbers.of(results, chosen, before, after, physics, predicted)
+        pushes.keep_of(chosen, numbers.right.all(axis=1), SENSELESS, numbers.why)
         same = np.asarray((changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2)))
         pushes.keep_of(chosen, same, CHANGED, why_changed)
         lacking = np.flatnonzero(pushes.kept[chosen] & ~predicted)
@@ -175,7 +179,6 @@ class _RowMaker:
             physics[lacking], why = self._predict(before[lacking], results, chosen[lacking])
             known = np.array([not why.get(push) for push in chosen.tolist()], dtype=bool)
             pushes.keep_of(chosen, known, UNPREDICTED, lambda _, push: why[push])
-        pushes.keep_of(chosen, _carried_out(results.actions[chosen]), SENSELESS, why_senseless)
         episodes = results.column("episode_id")[chosen]
         goals, faults = self._goals(results, episodes, chosen)
         sound = np.array([push not in faults for push in chosen.tolist()], dtype=bool)
@@ -278,33 +281,50 @@ def _step(prior: Model, scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Scene
     return prior.with_bodies(bodies).step(scenes, check_predictable(pushes))
 
 
-def _sensible(results: Results, chosen: ndarray, before: Scenes, after: Scenes) -> Mask:
-    """Return which pushes (M,) are such as can be; `why_senseless` says what is wrong."""
-    sensible = _possible(before) & _possible(after)
-    sensible &= results.bodies[chosen] < before.shape[1]
-    sensible &= np.isfinite(results.actions[chosen]).all(axis=-1)
-    for scenes in (results.before, results.after):
-        frames = scenes.column("header.frame_id")[chosen].astype(np.str_)
-        sensible &= np.isin(frames, FRAMES)
-    durations = results.column("duration")[chosen]
-    return np.asarray(sensible & (durations >= 0.0) & (durations <= LONGEST))
+class _Numbers(NamedTuple):
+    """All numbers of pushes (M,), each with what it may be."""
 
+    chosen: ndarray  # (M,) the pushes
+    values: ndarray  # (M, C)
+    right: Mask  # (M, C)
+    about: list[tuple[str, float, float, str]]  # (C,) its name, the range, and a hint
 
-def _possible(scenes: Scenes) -> Mask:
-    """Return which scenes (M, N, 8) are of finite numbers within `LIMITS`."""
-    within = np.isfinite(scenes).all(axis=(1, 2))
-    for column, (least, most) in LIMITS.items():
-        values = scenes[..., column]
-        within &= ((values >= least) & (values <= most)).all(axis=1)
-    return within
+    @classmethod
+    def of(
+        cls, results: Results, chosen: ndarray, before: Scenes, after: Scenes,
+        physics: Scenes, predicted: Mask,
+    ) -> "_Numbers":  # fmt: skip
+        """Gather the numbers of pushes with their scenes (M, N, 8)."""
+        count = before.shape[1]
+        predictions = np.where(predicted[:, None, None], physics, before)
+        actions, durations = results.actions[chosen], results.column("duration")[chosen]
+        parts = {"scene before": before, "scene after": after, "prediction": predictions}
+        about = [
+            (f"{part}: {name} of disk {disk}", *(LIMITS if part[0] == "s" else {}).get(column, ANY))
+            for part in parts
+            for disk in range(count)
+            for column, name in enumerate(STATE_NAMES)
+        ]
+        ranges = {BODY: (0.0, count - 1.0)}
+        ranges |= {column: (least, most) for column, least, most in allowed_ranges(stroke=False)}
+        about += [(f"{name} of the push", *ranges.get(n, ANY)) for n, name in enumerate(PUSH_NAMES)]
+        about.append(("duration [s]", 0.0, LONGEST))
+        flat = [part.reshape(len(chosen), -1) for part in parts.values()]
+        values = np.concatenate([*flat, actions, durations[:, None]], axis=1)
+        low, high = np.array([limits for _, *limits in about]).T
+        hints = [UNIT_HINT] * (2 * count * STATE_SIZE) + [""] * len(about)
+        named = [(*one, hint) for one, hint in zip(about, hints, strict=False)]
+        return cls(chosen, values, (values >= low) & (values <= high), named)
 
-
-def _carried_out(pushes: Pushes) -> Mask:
-    """Return which pushes (M, 5) an arm may have carried out, see `check_predictable`."""
-    right = np.ones(len(pushes), dtype=bool)
-    for column, least, most in allowed_ranges(stroke=False):
-        right &= (pushes[:, column] >= least) & (pushes[:, column] <= most)
-    return right
+    def why(self, results: Results, push: int) -> str:
+        """Return which number of a push is wrong."""
+        row = int(np.flatnonzero(self.chosen == push)[0])
+        column = int(np.flatnonzero(~self.right[row])[0])
+        name, least, most, hint = self.about[column]
+        value = self.values[row, column]
+        if (least, most) == ANY or np.isnan(value):
+            return f"{name} is {value}; it must be finite"
+        return f"{name} is {value:g}; allowed: {least:g} to {most:g}{hint}"
 
 
 def _moved(before: Scenes, after: Scenes) -> Mask:
@@ -350,38 +370,13 @@ def why_changed(results: Results, push: int) -> str:
     )
 
 
-def why_senseless(results: Results, push: int) -> str:
-    """Return what is wrong with the scenes, the push or the prediction."""
-    try:
-        before = _possible_scene(results.before, push, "scene before")
-        after = _possible_scene(results.after, push, "scene after")
-        if len(before) != len(after):
-            raise InvalidInputError(f"{len(before)} disks before the push, {len(after)} after")
-        check_fields(results.actions[push], PUSH_NAMES, "push")
-        if results.bodies[push] >= len(before):
-            raise InvalidInputError(
-                f"it is against body {results.bodies[push]}; the scene has bodies"
-                f" 0 to {len(before) - 1}"
-            )
-        check_predictable(results.actions[push])
-        if not 0.0 <= (duration := float(results.column("duration")[push])) <= LONGEST:
-            raise InvalidInputError(f"duration is {duration:g} s; allowed: 0 to {LONGEST:g} s")
-        predicted = results.table.sequences["prediction.disks"].one(push)
-        check_disks(predicted, "prediction")
-        raise InvalidInputError(f"{len(before)} disks, {len(predicted)} in the prediction")
-    except (InvalidInputError, OutOfRangeError) as error:
-        return str(error).replace("push ()", "the push")
+def why_uneven(results: Results, push: int) -> str:
+    """Return how many disks the scenes of a push have."""
+    before, after = results.before.counts[push], results.after.counts[push]
+    return f"{before} disks before the push, {after} after; allowed: as many, {MIN_DISKS} or more"
 
 
-def _possible_scene(scenes: RecordedScenes, push: int, name: str) -> Scene:
-    if (frame := scenes.column("header.frame_id")[push]) not in FRAMES:
-        raise InvalidInputError(f"{name} is in frame {shown(frame)}; it must be in 'world'")
-    scene = check_disks(scenes.disks.one(push).reshape(-1, STATE_SIZE), name)
-    for column, (least, most) in LIMITS.items():
-        for value in scene[:, column].tolist():
-            if not least <= value <= most:
-                raise InvalidInputError(
-                    f"{name}: {STATE_NAMES[column]} is {value:g}; allowed: {least:g} to {most:g};"
-                    " lengths are in m, headings in rad, masses in kg"
-                )
-    return scene
+def why_elsewhere(scene: str, results: Results, push: int) -> str:
+    """Return the frame that a scene is in."""
+    frame = results.table.columns[f"{scene}.header.frame_id"][push]
+    return f"scene {scene} is in frame {shown(frame)}; it must be in 'world'"
