@@ -7,6 +7,7 @@ delay adds up.
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from heapq import merge
 from itertools import count
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
@@ -105,7 +106,8 @@ class Passage:
         again = max(self.last - self.first, REST if self.last == self.first else 0)
         for number in count() if self._options.loop else (0,):
             before = number * 1e-9 * again / self._options.rate
-            for event in self._with_ticks(self._once()):
+            timetable = merge(self._ticks(), self._once(), key=lambda event: event.due)
+            for event in timetable:
                 yield replace(event, due=before + event.due)
 
     def _once(self) -> Iterator[Event]:
@@ -137,20 +139,15 @@ class Passage:
                 kept[raw.topic].append(raw)
         return sorted((raw for topic in kept.values() for raw in topic), key=lambda r: r.log_time)
 
-    def _with_ticks(self, events: Iterator[Event]) -> Iterator[Event]:
-        """Yield the time between the messages, where /clock is wanted and not among them."""
+    def _ticks(self) -> Iterator[Event]:
+        """Yield the times of /clock, where it is wanted and not among the messages."""
         if not self._options.clock or CLOCK in self._topics:
-            yield from events
             return
-        number, step = 0, self._options.rate / self._options.clock  # [s] of the recording
-        for event in events:
-            while (time := self.first + round(1e9 * number * step)) <= event.time:
-                yield Event(self._due(time), time, None)
-                number += 1
-            yield event
-        while (time := self.first + round(1e9 * number * step)) <= self.last:
+        step = 1e9 * self._options.rate / self._options.clock  # [ns] of the recording
+        for number in count():
+            if (time := self.first + round(number * step)) > self.last:
+                return
             yield Event(self._due(time), time, None)
-            number += 1
 
 
 @runtime_checkable

@@ -190,9 +190,6 @@ def test_the_card_tells_ranges_and_where_from(record: Start) -> None:
     spread = card["ranges"]["target_travel"]
     assert spread["maximum"] == travel.max()
     assert spread["mean"] == pytest.approx(travel.mean())
-    histogram = spread["histogram"]
-    assert histogram["counts"] == np.histogram(travel, 20, (0.0, 0.2))[0].tolist()
-    assert (sum(histogram["counts"]), histogram["outside"]) == (6, 0)
     source = card["sources"][0]
     assert source["sha256"] == rows["bag_sha256"][0]
     assert card["numpy"] == np.__version__

@@ -20,7 +20,8 @@ def test_a_line_says_all(tmp_path: Path) -> None:
         writer.add_topic(Topic("/a", "std_msgs/msg/Empty", "\n"))
         for number in range(1, 4):
             writer.write("/a", b"\x00\x01\x00\x00\x00", 10_000 * number)
-        status = RecordingStatus.of(writer, {"/a": lost_two(), "/b": Gaps()}, ("/d",), 61.2, {"/c"})
+        gaps = {"/a": lost_two(), "/b": Gaps()}
+        status = RecordingStatus(writer, gaps, {"/d"}, {"/c"}, 61.2)
     line = status.line(1234.4)
     assert line.startswith("01:01  3 messages  1,234/s  0.0")
     assert line.endswith(" MB in 3 files  1 topics, 1 unusable, 2 silent  missing: 2 of /a")
@@ -34,7 +35,8 @@ def test_a_line_says_all(tmp_path: Path) -> None:
 def test_a_recorder_that_heard_nothing_does_not_call_that_complete(tmp_path: Path) -> None:
     with BagWriter(tmp_path / "bag", BagConfig()) as writer:
         writer.add_topic(Topic("/a", "std_msgs/msg/Empty", "\n"))
-        status = RecordingStatus.of(writer, {"/a": Gaps(), "/rosout": Gaps()}, (), 5.0)
+        gaps = {"/a": Gaps(), "/rosout": Gaps()}
+        status = RecordingStatus(writer, gaps, (), (), 5.0)
     assert status.final(Path("bags/mine"), 1000) == (
         "Recorded 0 messages on 1 topics in 5.0 s, nothing heard: bags/mine (0.00 MB)\n"
         "No message came on /a"

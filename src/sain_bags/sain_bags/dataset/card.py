@@ -1,8 +1,7 @@
 """The card of a data set: counts, ranges, sources, and the pushes that were dropped."""
 
+import math
 from collections import Counter
-from dataclasses import dataclass, field
-from math import pi
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,59 +13,17 @@ from sain_core.push import PUSH_NAMES
 from sain_core.scene import MID, TARGET
 from sain_core.transitions import SHARD_SIZE, Column, Columns, centres, describe_fields
 
-BINS: Final = 20
-QUANTITIES: Final = {  # what is counted, its unit, and the range that its bins divide
-    "location": ("rad", -pi, pi),
-    "angle": ("rad", -pi / 4, pi / 4),
-    "length": ("m", 0.0, 0.15),
-    "speed": ("m/s", 0.0, 0.5),
-    "target_x": ("m", 0.0, 1.2),
-    "target_y": ("m", -0.6, 0.6),
-    "mid_travel": ("m", 0.0, 0.2),
-    "target_travel": ("m", 0.0, 0.2),
-    "physics_error": ("m", 0.0, 0.05),
+UNITS: Final = {  # of the quantities of which ranges are stated
+    "location": "rad",
+    "angle": "rad",
+    "length": "m",
+    "speed": "m/s",
+    **dict.fromkeys(("target_x", "target_y", "mid_travel", "target_travel", "physics_error"), "m"),
 }
 COUNTED: Final = (Column.SOURCE, Column.PHYSICS_SOURCE, Column.BAG_SHA256)
 COUNTED_BODIES: Final = (Column.SHAPES, Column.ROLES)  # where a data set has them
 DISKS: Final = "disks"
 EXAMPLES: Final = 3  # of what was dropped, for each reason
-
-
-@dataclass
-class Spread:
-    """The range and the histogram of one quantity; values are added shard by shard."""
-
-    unit: str
-    low: float
-    high: float
-    count: int = 0
-    total: float = 0.0
-    minimum: float = float("inf")
-    maximum: float = float("-inf")
-    bins: ndarray = field(default_factory=lambda: np.zeros(BINS, dtype=np.int64))
-
-    def add(self, values: ndarray) -> None:
-        """Count values (M,)."""
-        self.count += len(values)
-        self.total += float(values.sum())
-        self.minimum = min(self.minimum, float(values.min()))
-        self.maximum = max(self.maximum, float(values.max()))
-        self.bins += np.histogram(values, BINS, (self.low, self.high))[0]
-
-    def content(self) -> dict[str, Any]:
-        """Return it for the card."""
-        return {
-            "unit": self.unit,
-            "minimum": self.minimum,
-            "mean": self.total / self.count,
-            "maximum": self.maximum,
-            "histogram": {
-                "from": self.low,
-                "to": self.high,
-                "counts": self.bins.tolist(),
-                "outside": self.count - int(self.bins.sum()),
-            },
-        }
 
 
 class DatasetCard:
@@ -83,7 +40,7 @@ class DatasetCard:
         self._moved = 0
         self._shards: list[int] = []
         self._fields: dict[str, list[int]] = {}
-        self._spreads = {name: Spread(*about) for name, about in QUANTITIES.items()}
+        self._ranges = dict.fromkeys(UNITS, (math.inf, 0.0, -math.inf))  # with the sum
 
     def drop(self, bag: Path, push: Dropped) -> None:
         """Count a push that is no row."""
@@ -103,7 +60,9 @@ class DatasetCard:
                 self._counts[key].update(_occurrences(shard[key]))
         self._counts[DISKS][str(shard[Column.MASSES].shape[1])] += rows
         for name, values in _quantities(shard).items():
-            self._spreads[name].add(values)
+            least, total, most = self._ranges[name]
+            low, added, high = (float(one) for one in (values.min(), values.sum(), values.max()))
+            self._ranges[name] = min(least, low), total + added, max(most, high)
         self._fields = describe_fields(shard)
 
     def left_out(self) -> tuple[str, ...]:
@@ -131,7 +90,15 @@ class DatasetCard:
                 for reason, count in self.dropped.most_common()
             },
             "sources": [{**source, "transitions": by_bag[source["sha256"]]} for source in sources],
-            "ranges": {name: spread.content() for name, spread in self._spreads.items()},
+            "ranges": {
+                name: {
+                    "unit": UNITS[name],
+                    "minimum": least,
+                    "mean": total / self.transitions,
+                    "maximum": most,
+                }
+                for name, (least, total, most) in self._ranges.items()
+            },
             "fields": self._fields,
         }
 

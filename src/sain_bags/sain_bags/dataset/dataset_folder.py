@@ -34,7 +34,6 @@ from sain_core.transitions import (
 
 IDENTITY_FILE: Final = "conversion.json"
 CARD_FILE: Final = "card.json"
-PICTURE_FILE: Final = "card.png"  # drawn from the card
 GATHERED: Final = ".rows"  # folder of the shards until they are written in another format
 EXPORT: Final = f".export{PARTIAL}"  # where another format stands until it is whole
 DISKS: Final = "disks-"  # with a number: folders of data sets, where numbers of disks differ
@@ -67,7 +66,7 @@ class DatasetFolder:
         self._overwrite, self._begun = overwrite, False
         self._shards: dict[int, list[Path]] = {}  # by the number of disks
         self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
-        self._names = (CARD_FILE, PICTURE_FILE, IDENTITY_FILE, SHARD_PATTERN)
+        self._names = (CARD_FILE, IDENTITY_FILE, SHARD_PATTERN)
         self._found = found = _read_identity(path)
         claim_folder(path, (*self._names, *MADE[identity["format"]]), overwrite)
         if found is not None and found != identity and not overwrite:
@@ -125,8 +124,7 @@ class DatasetFolder:
             self._remove_gathered()
         if self._overwrite and self._found is not None:
             clear(self.path, self._found.get("format", SHARDS))
-        for name in (CARD_FILE, PICTURE_FILE):
-            remove_files(self.path, name, self.path)
+        remove_files(self.path, CARD_FILE, self.path)
         write_json(self.path / IDENTITY_FILE, self._identity)
         self._begun = True
 

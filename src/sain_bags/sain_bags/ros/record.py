@@ -136,10 +136,8 @@ def record(options: RecordOptions, console: Console) -> None:
         afterwards.callback(release, recorder)
 
         def status() -> RecordingStatus:
-            elapsed = time.monotonic() - started
-            return RecordingStatus.of(
-                writer, recorder.gaps, tuple(recorder.unusable), elapsed, recorder.awaited
-            )
+            known = recorder.gaps, recorder.unusable, recorder.awaited
+            return RecordingStatus(writer, *known, time.monotonic() - started)
 
         try:
             with StatusDisplay(console, options.status_period) as display:

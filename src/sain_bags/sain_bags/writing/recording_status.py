@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -17,44 +16,25 @@ HOUSEKEEPING: Final = frozenset({"/rosout", "/parameter_events"})  # silent wher
 LIVE_PERIOD: Final = 0.5  # [s] between looks on a terminal
 
 
-@dataclass(frozen=True)
 class RecordingStatus:
     """The progress of a recording."""
 
-    seconds: float
-    messages: int
-    topics: int
-    unusable: tuple[str, ...]  # topics that cannot be recorded
-    size: int  # [bytes]
-    files: int
-    missing: tuple[tuple[str, str], ...]  # topics of which something is, and how much
-    silent: tuple[str, ...] = ()  # topics that are published or were asked for, without a message
-    first: int | None = None  # [ns since the epoch], when the first message was received
-
-    @classmethod
-    def of(
-        cls,
+    def __init__(
+        self,
         writer: BagWriter,
         gaps: Mapping[str, Gaps],
-        unusable: tuple[str, ...],
+        unusable: Collection[str],
+        awaited: Collection[str],
         seconds: float,
-        awaited: Collection[str] = (),
-    ) -> "RecordingStatus":
-        """Return the status of a recording; `awaited` are topics that nobody publishes yet."""
-        counts = writer.counts
-        heard = {name for name, count in counts.items() if count}
-        missing = tuple((name, gap.text()) for name, gap in gaps.items() if gap.missing)
-        return cls(
-            seconds,
-            sum(counts.values()),
-            len(counts),
-            unusable,
-            writer.size,
-            len(writer.files),
-            missing,
-            tuple(sorted({*gaps, *awaited} - heard - HOUSEKEEPING)),
-            writer.first,
-        )
+    ) -> None:
+        """Take what was written in so many seconds; `awaited` are topics nobody publishes yet."""
+        self.counts, self.first, self.size = writer.counts, writer.first, writer.size
+        self.seconds, self.unusable = seconds, tuple(unusable)
+        self.messages, self.files = sum(self.counts.values()), len(writer.files)
+        self.missing = [(name, gap.text()) for name, gap in gaps.items() if gap.missing]
+        heard = {name for name, count in self.counts.items() if count}
+        silent = {*gaps, *awaited} - heard - HOUSEKEEPING
+        self.silent = tuple(sorted(silent))  # published or asked for, without a message
 
     def line(self, rate: float) -> str:
         """Return the status in a line, with the rate of messages since the last one [1/s]."""
@@ -64,7 +44,7 @@ class RecordingStatus:
             f"{self.messages:,} messages",
             f"{rate:,.0f}/s",
             f"{self.size / 1e6:,.2f} MB" + (f" in {self.files} files" if self.files > 1 else ""),
-            f"{self.topics} topics"
+            f"{len(self.counts)} topics"
             + (f", {len(self.unusable)} unusable" if self.unusable else "")
             + (f", {len(self.silent)} silent" if self.silent else ""),
             self.gaps(),
@@ -87,7 +67,7 @@ class RecordingStatus:
         named = f"\nNo message came on {', '.join(self.silent)}" if self.silent else ""
         named += f"\nNot recorded: {', '.join(self.unusable)}" if self.unusable else ""
         return (
-            f"Recorded {self.messages:,} messages on {self.topics} topics"
+            f"Recorded {self.messages:,} messages on {len(self.counts)} topics"
             f" in {self.seconds:.1f} s, {self.gaps()}: {out} ({size / 1e6:.2f} MB{files}){named}"
         )
 
