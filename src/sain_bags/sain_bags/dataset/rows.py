@@ -171,7 +171,7 @@ class _RowMaker:
         )
         physics, predicted = results.physics(chosen, count), results.predicted[chosen]
         numbers = _Numbers.of(results, chosen, before, after, physics, predicted)
-        pushes.keep_of(chosen, numbers.right.all(axis=1), SENSELESS, numbers.why)
+        pushes.keep_of(chosen, np.asarray(numbers.right.all(axis=1)), SENSELESS, numbers.why)
         same = np.asarray((changed_kinds(before, after) <= SAME_KIND).all(axis=(1, 2)))
         pushes.keep_of(chosen, same, CHANGED, why_changed)
         lacking = np.flatnonzero(pushes.kept[chosen] & ~predicted)
