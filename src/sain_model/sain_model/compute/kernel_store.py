@@ -15,11 +15,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import IO, TYPE_CHECKING, Final
 
 import sain_core
 from sain_core.cli.terminal import WaitingLine
@@ -51,19 +51,6 @@ def kernels_are_ready() -> bool:
     return _stamp().exists()
 
 
-def compilation_progress() -> tuple[int, int] | None:
-    """Return how many kernels are compiled, and of how many; None: no process compiles any."""
-    try:
-        with _lock_file().open() as lock:
-            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except FileNotFoundError:
-        return None
-    except BlockingIOError:
-        missing, kernels = len(_missing()), len(_kernels())
-        return (kernels - missing, kernels) if missing else None
-    return None
-
-
 def compile_kernels(report: Report | None = None) -> None:
     """Return when all kernels of these sources are compiled; at once where they are already.
 
@@ -84,7 +71,10 @@ def compile_kernels(report: Report | None = None) -> None:
         if report is not None and missing:
             report(missing - len(_missing()), missing)
 
-    with _alone(tell):
+    make_folder(kernel_folder())
+    with (kernel_folder() / "lock").open("a") as lock:
+        while not _alone(lock):
+            _wait(tell)
         if not kernels_are_ready():
             _compile(tell)
             _sign_kernels()
@@ -170,10 +160,6 @@ def _missing() -> frozenset[str]:
     return _kernels() - {file.name.partition("-")[0] for file in compiled_folder().glob("*.nbi")}
 
 
-def _lock_file() -> Path:
-    return kernel_folder() / "lock"
-
-
 def _sign_kernels() -> None:
     """Name in the manifest what this process has had compiled, and remove what is outdated."""
     _stamp().touch()
@@ -189,51 +175,44 @@ def _sign_kernels() -> None:
 # --- how it gets there ----------------------------------------------------------------------------
 
 
-@contextmanager
-def _alone(tell: Callable[[], None]) -> Iterator[None]:
-    """Wait until no other process compiles, and keep others from it."""
-    make_folder(kernel_folder())
-    with _lock_file().open("a") as lock:
-        while True:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                _wait(tell)
-        yield
+def _alone(lock: IO[str]) -> bool:
+    """Return whether no other process compiles; from now on no other one will."""
+    with suppress(BlockingIOError):
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return True
+    return False
 
 
 def _compile(tell: Callable[[], None]) -> None:
     """Run the compiler in a process for each chain: LLVM works for one thread of a process."""
-    with tempfile.TemporaryDirectory() as folder:
-        working: dict[subprocess.Popen[bytes], Path] = {}
+    with ExitStack() as stack:
+        outputs = [stack.enter_context(tempfile.TemporaryFile()) for _ in CHAINS]
+        children = list(map(_start_compiler, CHAINS, outputs))
         try:
-            for chain in CHAINS:
-                output = Path(folder, chain)
-                working[_start_compiler(chain, output)] = output
-            while working:
+            while any(child.poll() is None for child in children):
                 _wait(tell)
-                for child in [child for child in working if child.poll() is not None]:
-                    printed = working.pop(child).read_text().strip().splitlines()
-                    if child.returncode != 0:
-                        failed = f"the compiler ended with {child.returncode}"
-                        end = "\n".join(
-                            [f"the kernels cannot be compiled; {failed}:", *printed[-5:]]
-                        )
-                        raise ModelUnavailableError(end)
         finally:
-            for child in working:
+            for child in children:
                 child.kill()
                 child.wait()
+        for child, output in zip(children, outputs, strict=True):
+            if child.returncode != 0:
+                output.seek(0)
+                printed = output.read().decode(errors="replace").strip().splitlines()
+                failed = f"the compiler ended with {child.returncode}"
+                raise ModelUnavailableError(
+                    "\n".join([f"the kernels cannot be compiled; {failed}:", *printed[-5:]])
+                )
 
 
-def _start_compiler(chain: str, output: Path) -> "subprocess.Popen[bytes]":
-    command = [sys.executable, "-m", COMPILER, "--chain", chain]
-    environment = {**os.environ, COMPILES: chain}
-    with output.open("wb") as sink:
-        return subprocess.Popen(
-            command, env=environment, stdin=subprocess.DEVNULL, stdout=sink, stderr=sink
-        )
+def _start_compiler(chain: str, output: IO[bytes]) -> "subprocess.Popen[bytes]":
+    return subprocess.Popen(
+        [sys.executable, "-m", COMPILER, "--chain", chain],
+        env={**os.environ, COMPILES: chain},
+        stdin=subprocess.DEVNULL,
+        stdout=output,
+        stderr=output,
+    )
 
 
 def _wait(tell: Callable[[], None]) -> None:
@@ -251,9 +230,9 @@ def describe_progress(finished: int, total: int) -> str:
 
 
 def describe_compilation() -> str:
-    """Return in words what some process on this computer compiles; empty: none does."""
-    progress = compilation_progress()
-    return "" if progress is None else describe_progress(*progress)
+    """Return in words what is compiled before any model predicts; empty: all is."""
+    kernels, missing = len(_kernels()), len(_missing())
+    return "" if kernels_are_ready() else describe_progress(kernels - missing, kernels)
 
 
 def compile_visibly(console: "Console | None" = None) -> None:

@@ -1,7 +1,5 @@
 """One shard of transitions: read, and checked against the schema of `sain_core.transitions`."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -46,48 +44,57 @@ def read_shard(path: Path) -> Columns:
     """Read and check one shard; states come back as (M, N, 8), with shapes and roles of each row.
 
     Shapes may be those whose outlines stand beside the shard.
+
     Raises `DatasetError`: a damaged shard, a missing column, no rows, arrays that do not fit
     together, NaN or Inf, a number that cannot be, pushes that no model may be asked about, or
     against bodies that are not pushable.
     """
     arrays = read_arrays(path)
+    try:
+        columns = _checked_columns(arrays)
+        register_outlines(path.parent)
+        return columns | _shaped(arrays, columns[Column.ACTION])
+    except InvalidInputError as error:
+        raise DatasetError(
+            f"{path}: action cannot be: {error}; make files of another version again"
+        ) from error
+    except (OutOfRangeError, DatasetError) as error:
+        raise DatasetError(f"{path}: {error}") from error
+
+
+def _checked_columns(arrays: Columns) -> Columns:
     if missing := [column for column in NEEDED if column not in arrays]:
-        raise DatasetError(f"{path} lacks {', '.join(missing)}; it holds {sorted(arrays)}")
+        raise DatasetError(f"it lacks {', '.join(missing)}; it holds {sorted(arrays)}")
     if arrays[Column.ACTION].ndim == 0 or not len(arrays[Column.ACTION]):
-        raise DatasetError(f"{path} holds no transitions")
+        raise DatasetError("it holds no transitions")
     count = len(arrays[Column.ACTION])
-    _check_types(path, arrays, count)
-    disks = _disks(path, arrays[Column.STATE], count)
-    with _naming(path):
-        width = STROKE_SIZE if is_stroke(arrays[Column.ACTION]) else PUSH_SIZE
+    _check_types(arrays, count)
+    disks = _disks(arrays[Column.STATE], count)
+    width = STROKE_SIZE if is_stroke(arrays[Column.ACTION]) else PUSH_SIZE
     columns: Columns = {}
     for column in LOADED:
         shape = (count, *column.row_shape(disks, width))
         values = arrays.get(column, np.full(shape, UNKNOWN.get(column)))
-        columns[column] = _checked(path, column, values, shape)
-    _check_positive(path, arrays, columns)
-    _check_scenes(path, columns)
-    with _naming(path):
-        check_predictable(columns[Column.ACTION])
-    for column in ORIGINS:
-        columns[column] = arrays.get(column, np.full(count, ""))
-    register_outlines(path.parent)
-    return columns | _shaped(path, arrays, columns[Column.ACTION])
+        columns[column] = _checked(column, values, shape)
+    _check_positive(arrays, columns)
+    _check_scenes(columns)
+    check_predictable(columns[Column.ACTION])
+    return columns | {column: arrays.get(column, np.full(count, "")) for column in ORIGINS}
 
 
-def _check_types(path: Path, arrays: Columns, count: int) -> None:
+def _check_types(arrays: Columns, count: int) -> None:
     """Raise `DatasetError` where a column has values of another kind than the schema's."""
     for column in filter(arrays.__contains__, Column):
         values, (kinds, wanted) = arrays[column], KINDS[column.dtype]
         if values.dtype.kind not in kinds:
             kind = f"{values.dtype}; it should be {wanted}"
-            raise DatasetError(f"{path}: {column} is {kind}")
+            raise DatasetError(f"{column} is {kind}")
         if values.ndim == 0 or len(values) != count:
             size = f"shape {values.shape}; it should have {count} rows, as action has"
-            raise DatasetError(f"{path}: {column} has {size}")
+            raise DatasetError(f"{column} has {size}")
 
 
-def _check_positive(path: Path, arrays: Columns, columns: Columns) -> None:
+def _check_positive(arrays: Columns, columns: Columns) -> None:
     """Raise `DatasetError` where a mass or a radius is not positive."""
     scenes = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
     found = {column: columns[column][..., [MASS, RADIUS]] for column in scenes}
@@ -100,34 +107,33 @@ def _check_positive(path: Path, arrays: Columns, columns: Columns) -> None:
         row, *_ = place = tuple(np.argwhere(wrong)[0])
         what = "a mass or radius of" if column in scenes else "the value"
         raise DatasetError(
-            f"{path}: row {row} of {column} has {what} {values[place]:g}; it must be positive"
+            f"row {row} of {column} has {what} {values[place]:g}; it must be positive"
         )
 
 
-def _check_scenes(path: Path, columns: Columns) -> None:
+def _check_scenes(columns: Columns) -> None:
     """Raise `DatasetError` where a scene is in other units, or a push changes mass or radius."""
     for column in (Column.STATE, Column.NEXT_STATE):
         for place, (least, most) in LIMITS.items():
             values = columns[column][..., place]
             for row, body in np.argwhere((values < least) | (values > most)):
                 raise DatasetError(
-                    f"{path}: row {row} of {column}: {STATE_NAMES[place]} of body {body} is"
+                    f"row {row} of {column}: {STATE_NAMES[place]} of body {body} is"
                     f" {values[row, body]:g}; allowed: {least:g} to {most:g}; lengths are in m,"
                     " masses in kg"
                 )
     changed = changed_kinds(columns[Column.STATE], columns[Column.NEXT_STATE])
     for row, body, place in np.argwhere(changed > SAME_KIND):
         raise DatasetError(
-            f"{path}: row {row}: {('mass', 'radius')[place]} of body {body} differs by"
+            f"row {row}: {('mass', 'radius')[place]} of body {body} differs by"
             f" {100 * changed[row, body, place]:.1f} % between state and next_state; allowed:"
             f" {100 * SAME_KIND:g} %"
         )
 
 
-def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
+def _shaped(arrays: Columns, action: ndarray) -> Columns:
     """Return shapes and roles of each row as text; each push is against a pushable body."""
-    with _naming(path):
-        bodies = row_bodies(arrays)
+    bodies = row_bodies(arrays)
     if Column.SHAPES in arrays and Column.ROLES in arrays:
         names: Columns = {column: arrays[column] for column in SHAPED}
     else:
@@ -136,59 +142,46 @@ def _shaped(path: Path, arrays: Columns, action: ndarray) -> Columns:
     for row, (body, some) in enumerate(zip(action[:, BODY].tolist(), bodies, strict=True)):
         if body not in some.pushable:
             raise DatasetError(
-                f"{path}: row {row} pushes body {body:g}; pushable are"
+                f"row {row} pushes body {body:g}; pushable are"
                 f" {', '.join(map(str, some.pushable))} of {len(some)} bodies"
             )
     return names
 
 
-def _disks(path: Path, states: ndarray, count: int) -> int:
+def _disks(states: ndarray, count: int) -> int:
     """Return the number of disks N of states (M, 8 N) or (M, N, 8)."""
     disks, rest = divmod(states.size, STATE_SIZE * count)
     if states.ndim not in (2, 3) or rest:
-        raise DatasetError(f"{path}: state has shape {states.shape}; it should be ({count}, N * 8)")
+        raise DatasetError(f"state has shape {states.shape}; it should be ({count}, N * 8)")
     if disks > BODIES:
-        raise DatasetError(f"{path}: state has {disks} disks; it may have {BODIES}")
+        raise DatasetError(f"state has {disks} disks; it may have {BODIES}")
     if not disks:
-        raise DatasetError(f"{path}: state has no bodies; it needs one or more")
+        raise DatasetError("state has no bodies; it needs one or more")
     return disks
 
 
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Name the shard in errors of what is in it."""
-    try:
-        yield
-    except InvalidInputError as error:
-        raise DatasetError(
-            f"{path}: action cannot be: {error}; make files of another version again"
-        ) from error
-    except (OutOfRangeError, DatasetError) as error:
-        raise DatasetError(f"{path}: {error}") from error
-
-
-def _checked(path: Path, column: Column, values: ndarray, shape: tuple[int, ...]) -> ndarray:
+def _checked(column: Column, values: ndarray, shape: tuple[int, ...]) -> ndarray:
     """Return a column when its shape, type and numbers are as the schema has them."""
     if FLAT in column.shape and values.ndim == 3:
         values = values.reshape(len(values), -1)
     if values.shape != shape:
-        raise DatasetError(f"{path}: {column} has shape {values.shape}; it should be {shape}")
+        raise DatasetError(f"{column} has shape {values.shape}; it should be {shape}")
     if column.dtype == "int64":
         return values.astype(np.int64)
     numbers = np.asarray(values, dtype=np.float64)
     allowed = np.isfinite(numbers)
     if (np.abs(numbers[allowed]) > LARGEST_NUMBER).any():
         most = np.abs(numbers[allowed]).max()
-        raise DatasetError(f"{path}: {column} holds {most:g}; it may hold {LARGEST_NUMBER:g}")
+        raise DatasetError(f"{column} holds {most:g}; it may hold {LARGEST_NUMBER:g}")
     if column in UNKNOWN:
         allowed |= np.isnan(numbers)
     if not allowed.all():
         row = int(np.argwhere(~allowed)[0][0])
         found = "Inf" if column in UNKNOWN else "NaN or Inf"
-        raise DatasetError(f"{path}: row {row} of {column} holds {found}")
+        raise DatasetError(f"row {row} of {column} holds {found}")
     if column is Column.FRICTION and (numbers <= 0.0).any():
         row = int(np.argmax(numbers <= 0.0))
         raise DatasetError(
-            f"{path}: row {row} of {column} is {numbers[row]}; positive, or NaN where not known"
+            f"row {row} of {column} is {numbers[row]}; positive, or NaN where not known"
         )
     return as_scenes(numbers) if FLAT in column.shape else numbers
