@@ -4,6 +4,7 @@ import hashlib
 import json
 import pickle
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import torch
 
 from sain_core.errors import CheckpointError, ConfigError, OutputError
 from sain_core.model import load_dynamics
+from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.load import ModelCard, card_path, load_checkpoint, save_checkpoint
 from sain_model.dynamics.priors import make_prior, prior_settings
 from sain_model.dynamics.sain import SainDynamics, residual_model
@@ -73,6 +75,7 @@ def test_what_was_saved_is_loaded_with_the_prior_it_had(checkpoint, random_pushe
     assert sorted(p.suffix for p in checkpoint.parent.iterdir()) == [".json", ".safetensors"]
 
 
+EMPTY: dict[str, Any] = asdict(Intervals())
 HALF = torch.zeros(8, dtype=torch.float8_e4m3fn)
 SPOILED: dict[str, tuple[Callable[[Path], object], str]] = {
     "gone": (Path.unlink, r"model\.safetensors does not exist"),
@@ -123,15 +126,16 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(checkpoint, ki
         ("network", {"hidden": "8"}, "network: hidden is '8'; it must be an integer"),
         ("network", {"features": "table"}, "features is 'table'; allowed: 'push', 'world'"),
         ("network", {"width": 8}, "width"),
-        ("intervals", {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
-        ("intervals", {"mid": {"noise": "x"}}, "intervals: Region holds 'x'; allowed: finite numb"),
-        ("intervals", {"mid": 3}, "intervals: mid is 3; a region is needed"),
-        ("intervals", {"mid": {}, "turn": {}}, "intervals: target is None; a region is needed"),
+        ("intervals", EMPTY | {"mid": {"factors": [1.0, 2.0]}}, "intervals: Region has scores"),
         (
             "intervals",
-            {"mid": {}, "target": {}, "turn": {}, "usual_log": [0.0]},
-            "there are two logarithms each",
+            EMPTY | {"mid": {"noise": "x"}},
+            "intervals: noise is 'x'; it must be a nu",
         ),
+        ("intervals", EMPTY | {"mid": {"way": -1.0}}, "Region.way is -1.0; it must be at least 0"),
+        ("intervals", EMPTY | {"mid": 3}, "intervals: mid is 3; it must be"),
+        ("intervals", {"mid": {}, "turn": {}}, "intervals: they lack level, target, usual_log"),
+        ("intervals", EMPTY | {"usual_log": [0.0]}, "usual_log has 1 values; it must have 2"),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(checkpoint, field, value, message):

@@ -16,12 +16,13 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
 
+from sain_core.config import typed
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.locks import LockedError, lock_file
@@ -95,6 +96,12 @@ class Manifest:
     # `PHYSICS`, `PLANAR`, `SHIPPED`, or the folder of the network in service, below the laboratory
     service: str = PHYSICS
     generation: int = 0  # how often what is in service has changed
+
+    def __post_init__(self) -> None:
+        for item in fields(self):
+            typed(item.name, item.type, getattr(self, item.name))
+        if self.has_network and not NETWORK.fullmatch(self.service):
+            raise ConfigError(f"service is {self.service!r}")
 
     @property
     def has_network(self) -> bool:
@@ -346,7 +353,7 @@ def _read_manifest(path: Path) -> Manifest:
     try:
         content = read_json(path / MANIFEST)
         found = content.pop("format")
-        manifest = _manifest(content) if found == FORMAT else None
+        manifest = Manifest(**content) if found == FORMAT else None
     except FileNotFoundError:
         known = ", ".join(laboratory_names()) or "none"
         raise DatasetError(
@@ -359,15 +366,4 @@ def _read_manifest(path: Path) -> Manifest:
     if manifest is None:
         wrong = other_format(found, "begin another laboratory")
         raise DatasetError(f"laboratory {path} {wrong}")
-    return manifest
-
-
-def _manifest(content: dict[str, Any]) -> Manifest:
-    manifest = Manifest(**content)
-    right = vars(Manifest("", 0.0))
-    for name, value in vars(manifest).items():
-        if type(value) is not type(right[name]):
-            raise TypeError(f"{name} is {value!r}")
-    if manifest.has_network and not NETWORK.fullmatch(manifest.service):
-        raise ValueError(f"service is {manifest.service!r}")
     return manifest

@@ -17,13 +17,15 @@ Where errors are larger than any of these, regions widen further.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from typing import Any, Final, Self
 
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
 
+from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError
 from sain_core.model import REGION_STD
 from sain_core.push import pushed_bodies
@@ -39,42 +41,28 @@ UNLIKE_SCATTER: Final = 1.0  # standard deviation of that logarithm over the pus
 QUANTILE: Final = 1.28  # of a standard normal, at `LEVEL`
 
 
-def check_all(name: str, least: float, *values: float) -> None:
-    """Raise `ConfigError` unless all values are finite numbers, and not below the least one."""
-    for value in values:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        if not number or not np.isfinite(value) or value < least:
-            raise ConfigError(f"{name} holds {value!r}; allowed: finite numbers from {least:g} on")
-
-
-def _tuples(values: dict[str, Any]) -> dict[str, Any]:
-    return {name: tuple(v) if isinstance(v, list) else v for name, v in values.items()}
-
-
 @dataclass(frozen=True)
-class Region:
+class Region(Config):
     """The radius of one body's region."""
 
-    noise: float = 1e-4  # score of a body about which nothing is open [m]
-    members: float = 1.0  # weight of the members' spread
-    friction: float = 1.0  # weight of the friction's spread
-    way: float = 0.0  # weight of the predicted way
+    noise: float = option(
+        1e-4, "score of a body about which nothing is open", unit="m", minimum=1e-12
+    )
+    members: float = option(1.0, "weight of the members' spread", minimum=0.0)
+    friction: float = option(1.0, "weight of the friction's spread", minimum=0.0)
+    way: float = option(0.0, "weight of the predicted way", minimum=0.0)
     elongation: float = 0.0  # weight of the elongation of a body's supports, in the exponent
-    scores: tuple[float, ...] = (1e-4,)  # [m], rising
-    factors: tuple[float, ...] = (2.0,)  # the radius is so many scores, at these
+    scores: tuple[float, ...] = option((1e-4,), "rising scores", unit="m", minimum=1e-12)
+    factors: tuple[float, ...] = option((2.0,), "the radius is so many scores", minimum=0.0)
 
     def __post_init__(self) -> None:
-        weights = (self.members, self.friction, self.way)
-        check_all("Region", 0.0, *weights, *self.factors, self.noise, *self.scores)
-        check_all("Region", -np.inf, self.elongation)
-        rising = all(a < b for a, b in zip(self.scores, self.scores[1:], strict=False))
+        super().__post_init__()
+        rising = all(a < b for a, b in pairwise(self.scores))
         if len(self.scores) != len(self.factors) or not self.scores or not rising:
             raise ConfigError(
                 f"Region has scores {self.scores} and factors {self.factors}; it needs one"
                 " factor for each score, and the scores must rise"
             )
-        if min(self.scores) <= 0.0 or self.noise <= 0.0:
-            raise ConfigError("Region.scores and .noise must be greater than 0 m")
 
     def score(
         self, members: Scalars, friction: Scalars, way: Scalars, elongation: Scalars | float
@@ -90,41 +78,31 @@ class Region:
 
 
 @dataclass(frozen=True)
-class Intervals:
+class Intervals(Config):
     """The regions of a model's disks; further disks are taken like the target.
 
     The logarithms of error over region are those of pushed bodies: of places, and of headings.
     """
 
-    level: float = LEVEL  # share of the pushes whose region contains the disk
+    level: float = option(
+        LEVEL, "share of pushes whose region holds the disk", minimum=0.01, maximum=0.99
+    )
     mid: Region = Region()  # of pushed bodies
     target: Region = Region()  # of others
     turn: Region = Region()  # of headings
     usual_log: tuple[float, float] = (0.0, 0.0)  # mean logarithms of error over region
     # their standard deviations; 0 of places: regions are never widened; 0 of headings: these have
     # no regions
-    usual_log_std: tuple[float, float] = (0.0, 0.0)
-    bodies_log_std: tuple[float, float] = (0.0, 0.0)  # how much of that is between bodies
-
-    def __post_init__(self) -> None:
-        check_all("Intervals", 0.0, self.level, *self.usual_log_std, *self.bodies_log_std)
-        check_all("Intervals", -np.inf, *self.usual_log)
-        pairs = self.usual_log, self.usual_log_std, self.bodies_log_std
-        if not self.level < 1.0 or any(len(pair) != 2 for pair in pairs):
-            raise ConfigError(
-                f"Intervals has level {self.level} and {pairs}; the level must be below 1, and"
-                " there are two logarithms each: of places and of headings"
-            )
+    usual_log_std: tuple[float, float] = option((0.0, 0.0), "", minimum=0.0)
+    # how much of that is between bodies
+    bodies_log_std: tuple[float, float] = option((0.0, 0.0), "", minimum=0.0)
 
     @classmethod
     def parse(cls, part: dict[str, Any]) -> Self:
         """Return the intervals on a card; raises what values of another kind raise."""
-        regions = {}
-        for name in ("mid", "target", "turn"):
-            if not isinstance(part.get(name), dict):
-                raise ConfigError(f"{name} is {part.get(name)!r}; a region is needed")
-            regions[name] = Region(**_tuples(part[name]))
-        return cls(**_tuples(part | regions))
+        if missing := [item.name for item in fields(cls) if item.name not in part]:
+            raise ConfigError(f"they lack {', '.join(missing)}")
+        return cls(**typed_settings(cls, part))
 
     @property
     def adapts(self) -> bool:

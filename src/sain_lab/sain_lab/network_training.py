@@ -1,0 +1,138 @@
+"""Trains a network of a laboratory: the residual of the believed physics.
+
+``python -m sain_lab.network_training LABORATORY SINCE PUSHES`` ends with its standard input. It
+reads the log as it is, and writes a checkpoint. An episode's other pushes show its friction, as in
+``sain_model train``. The network sees places and headings in the world, which the shipped one does
+not: on few pushes most of what physics leaves depends on them. An ensemble of small networks, each
+on episodes drawn with replacement, keeps to what many pushes agree on.
+"""
+
+import hashlib
+import os
+import resource
+import sys
+import tempfile
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from threading import Thread
+from typing import Any, Final
+
+import numpy as np
+
+from sain_core.errors import SainError
+from sain_lab.physics import observed
+from sain_lab.storage.laboratory import Laboratory, service_of
+from sain_lab.storage.results import Result
+from sain_model.data.dataset import Dataset, Part, split_by_episode
+from sain_model.dynamics.load import save_checkpoint
+from sain_model.dynamics.sain import weights_of
+from sain_model.inference.kinds import Kind, read_belief
+from sain_model.network.settings import (
+    BOOTSTRAP,
+    PLANAR,
+    PLANAR_AXES,
+    WORLD_FRAME,
+    NetworkConfig,
+    require_torch,
+)
+from sain_model.training.settings import TrainingConfig, TrainOptions
+
+LONGEST: Final = 60  # [s] of processor time; a training that takes longer is ended
+MOST_PUSHES: Final = 3000  # the latest, that are learned from
+STEPS: Final = 1200  # of the optimizer
+MOST_EPOCHS: Final = 60
+MEMBERS: Final = 8
+BATCH: Final = 64  # pushes
+PATIENCE: Final = 25  # epochs
+VALIDATION: Final = 0.2  # of the episodes
+
+
+def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
+    """Train on the pushes of a laboratory from one number to another; return the checkpoint.
+
+    Raises `SainError`: too few episodes, or the laboratory is damaged.
+    """
+    require_torch("training a network")
+    from sain_model.training.fit import fit
+    from sain_model.training.record import make_card
+
+    kind = replace(read_belief(laboratory.belief_path).likeliest, corrected=True)
+    data = data_of(latest(laboratory, since, pushes))
+    config = settings(kind, len(data))
+    split = split_by_episode(data, config.seed, config.validation, 0.0)
+    with tempfile.TemporaryDirectory() as state:
+        model, histories = fit(split, kind, config, Path(state))
+    path = laboratory.model_path(service_of(pushes))
+    options = TrainOptions(dataset=(laboratory.path,), out=path.parent, training=config)
+    card = make_card(options, data, split, model, histories, {})
+    save_checkpoint(path, weights_of(model), card)
+    return path
+
+
+def settings(kind: Kind, pushes: int) -> TrainingConfig:
+    """Return the settings of a training on so many pushes."""
+    network = NetworkConfig(hidden=32, message=16, features=WORLD_FRAME, members=MEMBERS)
+    return TrainingConfig(
+        prior=PLANAR_AXES if kind.has_axes else PLANAR,
+        epochs=min(max(STEPS * BATCH // pushes, 1), MOST_EPOCHS),
+        patience=PATIENCE,
+        batch=BATCH,
+        weight_decay=1.0,
+        validation=VALIDATION,
+        test=0.0,
+        diversity=BOOTSTRAP,
+        network=network,
+        position_scale=0.0002,
+        heading_scale=0.01,
+    )
+
+
+def latest(laboratory: Laboratory, since: int, pushes: int) -> list[Result]:
+    """Return the latest pushes of a laboratory between two numbers, of bodies without a name."""
+    found: deque[Result] = deque(maxlen=MOST_PUSHES)
+    for record in islice(_pushes(laboratory), since, pushes):
+        result = Result.of_record(record)
+        if not result.object:
+            found.append(result)
+    return list(found)
+
+
+def _pushes(laboratory: Laboratory) -> Iterable[dict[str, object]]:
+    return (record for record in laboratory.records() if record["kind"] == "push")
+
+
+def data_of(results: list[Result]) -> Dataset:
+    """Return results as a data set to train on."""
+    digest = hashlib.sha256("".join(one.digest for one in results).encode()).hexdigest()
+    parts = []
+    for some in observed(results)[0]:
+        unknown, nothing = np.full(len(some), np.nan), np.full(some.state.shape, np.nan)
+        about: dict[str, Any] = vars(replace(some, noise=None))
+        about |= {"friction": unknown, "floor_next": nothing, "step": np.arange(len(some))}
+        parts.append(Part(**about, physics_next=some.state))  # no prediction is needed
+    return Dataset(tuple(parts), digest)
+
+
+def _end_with_input() -> None:
+    """Wait for the end of standard input, and end this process."""
+    sys.stdin.buffer.read()
+    os._exit(1)
+
+
+def main(path: str, since: str, pushes: str) -> int:
+    """Train, and return the exit code."""
+    resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
+    Thread(target=_end_with_input, daemon=True).start()
+    try:
+        train(Laboratory(Path(path)), int(since), int(pushes))
+    except SainError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))
