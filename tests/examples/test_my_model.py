@@ -64,8 +64,8 @@ def test_it_is_served_without_loading_pytorch(environment):
     lines = (
         "import sys; from sain_model.serving.server import load_server;"
         " from sain_model.serving.service import ServingConfig;"
-        " described = load_server(ServingConfig(model='my_model')).description;"
-        " print(described.model, described.kind, 'torch' in sys.modules)"
+        " described = load_server(ServingConfig(model='my_model')).origin;"
+        " print(described.prior_name, described.kind, 'torch' in sys.modules)"
     )
     command = [sys.executable, "-c", lines]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

@@ -62,7 +62,7 @@ def test_what_is_learned_is_served_and_said(graph, sending, tmp_path):
         lambda: learner._loaded == learner.learner.laboratory.manifest.generation > 0, "a belief"
     )
     graph.wait(lambda: learner._asked.done() and not learner.worker.pending, "the model")
-    assert service.server.description.model == f"lab:{path}"
+    assert service.server.name == f"lab:{path}"
     learned = decode_learning(graph.heard["learning"][-1])
     assert (learned.laboratory, learned.service, learned.pushes) == ("lab", "physics", 6)
     assert [curve.name for curve in learned.errors] == ["planar", "physics", "in service"]

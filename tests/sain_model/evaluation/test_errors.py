@@ -86,7 +86,7 @@ def test_the_command_lines_make_and_compare_the_four_kinds(tmp_path):
         sain = load_dynamics(str(paths[kind]))
         assert card["kind"] == sain.origin.kind == kind
         server = ModelServer(sain, ServingConfig(model=str(paths[kind])))
-        assert server.description.kind == kind
+        assert server.origin.kind == kind
         shown = card["errors"]["after"]["1"]["errors"][TARGETS]
         assert shown[NAMES[kind]]["number"] == 30  # 5 episodes of 6 pushes held out
         names = {path.name for path in (tmp_path / kind).iterdir()}

@@ -84,10 +84,10 @@ def test_a_model_that_is_of_no_use_to_a_planner_replaces_no_other(monkeypatch):
     with pytest.raises(ConfigError, match=r"'slow' takes . ms for a prediction; a planner needs"):
         server.with_model("slow")
     disks, bodies = Bodies.disks(2), Bodies.named(["t"])
-    assert server.with_model("disks", disks).description.model == "disks"
+    assert server.with_model("disks", disks).name == "disks"
     with pytest.raises(ConfigError, match="roles; the bodies are t: use a model"):
         server.with_model("disks", bodies)
-    assert server.with_model("one", bodies).description.model == "one"
+    assert server.with_model("one", bodies).name == "one"
 
 
 def test_a_served_model_infers_masses_that_are_not_measured(monkeypatch):

@@ -1,7 +1,6 @@
 """The model as a service: single pushes in a batch, or whole sequences in one call."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from time import monotonic, perf_counter
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -144,8 +143,10 @@ class ModelNode(Node):
     def _on_describe(
         self, request: DescribeModel.Request, response: DescribeModel.Response
     ) -> DescribeModel.Response:
-        for name, value in asdict(self.server.description).items():
-            setattr(response, name, value)
+        served = self.server
+        response.model, response.kind = served.name, served.origin.kind
+        response.prior, response.card = served.origin.prior_name, served.origin.card
+        response.model_hash = served.origin.model_hash
         response.device = "cpu"  # all that predicts is compiled for it
         response.max_work, response.max_disks = self.config.max_work, self.config.max_disks
         return response
@@ -168,8 +169,8 @@ class ModelNode(Node):
             self._warn_of(error)
             raise
         finally:
-            described = self.server.description
-            response.model, response.model_hash = described.model, described.model_hash
+            served = self.server
+            response.model, response.model_hash = served.name, served.origin.model_hash
         return response
 
     def _on_set_parameters(self, parameters: list[Parameter]) -> SetParametersResult:
@@ -188,13 +189,13 @@ class ModelNode(Node):
     def _after_set_parameters(self, parameters: list[Parameter]) -> None:
         if self.prepared is not None:
             self.server, self.prepared = self.prepared, None
-            described = self.server.description
-            self.state_file.write(model=described.model)
-            self.get_logger().info(f"serves {described.model} now, {described.model_hash[:16]}")
+            name, digest = self.server.name, self.server.origin.model_hash
+            self.state_file.write(model=name)
+            self.get_logger().info(f"serves {name} now, {digest[:16]}")
             self._report()
 
     def _warn_of(self, error: BaseException) -> None:
-        going_on = f"goes on serving {self.server.description.model}"
+        going_on = f"goes on serving {self.server.name}"
         self.get_logger().warning(f"{going_on}: {shortened(error_reply(error)[1])}")
 
     async def _answer(self, work: "Callable[[ModelServer], None]", response: Response) -> Response:
@@ -220,10 +221,7 @@ class ModelNode(Node):
     def _compute(self, work: "Callable[[ModelServer], None]", response: Response) -> None:
         """Answer with the model that is served now, whatever is served when it is done."""
         begun, server = perf_counter(), self.server
-        response.model, response.model_hash = (
-            server.description.model,
-            server.description.model_hash,
-        )
+        response.model, response.model_hash = server.name, server.origin.model_hash
         try:
             work(server)
         finally:
@@ -231,12 +229,11 @@ class ModelNode(Node):
 
     def _report(self) -> None:
         level, message = (WARN, f"refused: {self.refusal}") if self.refusal else (OK, SERVING)
-        described = self.server.description
         self.diagnostics.set(
             level,
             message,
-            model=described.model,
-            model_hash=described.model_hash[:16],
+            model=self.server.name,
+            model_hash=self.server.origin.model_hash[:16],
             requests=self.requests,
             failures=self.failures,
             queue=self.worker.pending,

@@ -1,6 +1,6 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Final
@@ -22,7 +22,7 @@ from sain_core.scene import MASS, OVERLAP_TOLERANCE, THETA, make_scene, wrap_ang
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
-from sain_model.dynamics.sain import PHYSICS, SainDynamics
+from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
 
@@ -39,17 +39,6 @@ SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
 SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
 
 
-@dataclass(frozen=True)
-class Description:
-    """What a model says of itself; a pure prior has neither hash nor card."""
-
-    model: str  # its name or path
-    kind: str  # `PHYSICS`, or the kind of the checkpoint
-    prior: str  # the physics below it; for a pure prior its own name
-    model_hash: str = ""  # SHA-256 of the weights
-    card: str = ""  # the checkpoint's JSON card
-
-
 class ModelServer:
     """One model, asked for single pushes in a batch or for whole sequences.
 
@@ -59,8 +48,10 @@ class ModelServer:
 
     def __init__(self, dynamics: Model, config: "ServingConfig") -> None:
         self.config = config
-        self._name = f"model {config.model!r}"
-        self.description = describe_model(config.model, dynamics)
+        self._label = f"model {config.model!r}"
+        self.name, self.origin = config.model, Origin(PHYSICS, config.model)
+        if isinstance(dynamics, SainDynamics) and dynamics.network is not None:
+            self.origin = dynamics.origin
         self._usual = dynamics
         self._learned: tuple[PushHistory, Bodies, Model] | None = None
 
@@ -83,7 +74,7 @@ class ModelServer:
             times.append((perf_counter() - begun) / len(TRIAL_PUSHES))
         if min(times) > SLOWEST:
             raise ConfigError(
-                f"{self._name} takes {1e3 * min(times):.0f} ms for a prediction; a planner needs"
+                f"{self._label} takes {1e3 * min(times):.0f} ms for a prediction; a planner needs"
                 f" thousands of at most {1e3 * SLOWEST:.0f} ms: choose a faster one, such as sain"
             )
 
@@ -92,7 +83,7 @@ class ModelServer:
 
         Raises `ModelUnavailableError`: the model answers with something that no answer can be.
         """
-        with answering(self._name):
+        with answering(self._label):
             self.rollout(WARM_UP_SCENE, WARM_UP_PUSHES)
             self.predict(np.stack([WARM_UP_SCENE] * len(WARM_UP_PUSHES)), WARM_UP_PUSHES[:, 0])
 
@@ -134,7 +125,7 @@ class ModelServer:
         check_asked_scenes(scene[None], bodies)
         check_asked_pushes(pushes, bodies)
         predicted = self.knowing(history, bodies).rollout(scene, pushes)
-        return check_rollout(predicted, scene, pushes, self._name)
+        return check_rollout(predicted, scene, pushes, self._label)
 
     def regions(
         self,
@@ -174,7 +165,7 @@ class ModelServer:
         dynamics = self.knowing(history, bodies)
         if physics_next is None:
             prior = dynamics.physics if isinstance(dynamics, SainDynamics) else dynamics
-            physics_next = check_step(prior.step(scenes, pushes), scenes, self._name)
+            physics_next = check_step(prior.step(scenes, pushes), scenes, self._label)
         elif not np.array_equal(physics_next[..., MASS:], scenes[..., MASS:]):
             raise InvalidInputError(
                 "physics_next states other masses or radii than the scenes; a push changes neither"
@@ -182,7 +173,7 @@ class ModelServer:
         next_state = physics_next  # physics alone corrects nothing
         if isinstance(dynamics, SainDynamics):
             next_state = dynamics.correct(scenes, pushes, physics_next)
-        check_step(next_state, scenes, self._name)
+        check_step(next_state, scenes, self._label)
         residual = next_state - physics_next
         residual[..., THETA] = wrap_angle(residual[..., THETA])
         return residual, next_state
@@ -213,15 +204,6 @@ def load_server(config: "ServingConfig") -> ModelServer:
     server = ModelServer(as_observed(model, config.unknown), config)
     server.try_out()
     return server
-
-
-def describe_model(name: str, dynamics: Model) -> Description:
-    """Return what a dynamics of this name is."""
-    if not isinstance(dynamics, SainDynamics) or dynamics.network is None:
-        return Description(name, PHYSICS, name)
-    origin = dynamics.origin
-    about = origin.kind, origin.prior_name, origin.model_hash, origin.card
-    return Description(name, *about)
 
 
 def check_asked_scenes(scenes: Scenes, bodies: Bodies) -> None:
