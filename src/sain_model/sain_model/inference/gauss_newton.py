@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.types import Indices, Mask
@@ -39,7 +39,7 @@ class Fit:
     """The most likely parameters of R problems with C episodes."""
 
     kind: Kind  # of physics that the vectors z are about
-    problem: Int[ndarray, "C"]  # of each episode, (C,)
+    together: bool  # whether the episodes are one problem, else each is one
     places: Float[ndarray, "C D"]  # z of each episode
     normal: "Normal"  # the normal equations there, for the noise of `factor`
     factor: Float[ndarray, "R"]  # of the noise, of each problem
@@ -59,7 +59,7 @@ class Fit:
     def own_variances(self) -> Float[ndarray, "D"]:
         """Mean over the episodes, of what each has of its own; 0 of what they share."""
         own = self.kind.of_episode
-        inside = self.normal.information[:, own][:, :, own] + self.kind.precision[np.ix_(own, own)]
+        inside = self.normal.information[:, own][:, :, own] + _part(self.kind, own)
         variances = np.zeros(len(own))
         variances[own] = np.diagonal(np.linalg.inv(inside), axis1=1, axis2=2).mean(axis=0)
         return variances
@@ -72,7 +72,7 @@ class Fit:
         episodes is added.
         """
         kind, shared = self.kind, ~self.kind.of_episode
-        reduced = Reduced.of(self.normal, kind, self.problem, 1)
+        reduced = Reduced.of(self.normal, kind, together=True)
         inverse = np.linalg.inv(reduced.rest[0])
         solved = np.linalg.solve(reduced.own, self.normal.pull[:, kind.of_episode, None])
         scores = self.normal.pull[:, shared] - (reduced.ties @ solved)[..., 0]
@@ -98,22 +98,22 @@ class Reduced:
     rest: Float[ndarray, "R S S"]
 
     @classmethod
-    def of(cls, normal: Normal, kind: Kind, problem: ndarray, count: int) -> "Reduced":
+    def of(cls, normal: Normal, kind: Kind, together: bool) -> "Reduced":
         """Eliminate what each episode has of its own."""
         own, shared = kind.of_episode, ~kind.of_episode
-        inside = normal.information[:, own][:, :, own] + kind.precision[np.ix_(own, own)]
+        inside = normal.information[:, own][:, :, own] + _part(kind, own)
         ties = normal.information[:, shared][:, :, own]
         rest = normal.information[:, shared][:, :, shared]
         rest = rest - ties @ np.linalg.solve(inside, np.swapaxes(ties, 1, 2))
-        rest = _sums(rest, problem, count) + kind.precision[np.ix_(shared, shared)]
+        rest = _sums(rest, together) + _part(kind, shared)
         return cls(inside, ties, rest)
 
-    def log_room(self, kind: Kind, problem: ndarray) -> Float[ndarray, "R"]:
+    def log_room(self, kind: Kind, together: bool) -> Float[ndarray, "R"]:
         """Return the logarithm of how much pushes tighten the belief."""
-        own, shared = kind.of_episode, ~kind.of_episode
-        each = np.linalg.slogdet(self.own)[1] - _log_size(kind.precision, own)
-        rest = np.linalg.slogdet(self.rest)[1] - _log_size(kind.precision, shared)
-        return np.asarray(rest + _sums(each, problem, len(self.rest)))
+        own = kind.of_episode
+        each = np.linalg.slogdet(self.own)[1] - np.linalg.slogdet(_part(kind, own))[1]
+        rest = np.linalg.slogdet(self.rest)[1] - np.linalg.slogdet(_part(kind, ~own))[1]
+        return np.asarray(rest + _sums(each, together))
 
 
 def fit(
@@ -124,19 +124,18 @@ def fit(
     Each of the C episodes that `parts` count has a first vector z. They are one problem `together`,
     or each is a problem alone.
     """
-    problem = np.zeros(len(start), np.int64) if together else np.arange(len(start))
-    places, count = start.copy(), 1 + int(problem.max())
-    totals = _totals(kind, parts, places, problem, count)
-    damping, goes_on = np.zeros(count, np.int64), np.ones(count, dtype=bool)
+    places, problem = start.copy(), np.arange(len(start)) * (not together)  # of each episode
+    totals = _totals(kind, parts, places, together)
+    damping, goes_on = np.zeros(len(totals), np.int64), np.ones(len(totals), dtype=bool)
     for _ in range(steps):
         score, factor = _best(totals)
         some = _of_episodes(parts, goes_on[problem])
         normal = normal_equations(kind, some, places, factor[problem])
         tried = goes_on
         while tried.any():
-            step = _step(normal, kind, places, problem, DAMPING[damping])
+            step = _step(normal, kind, places, together, DAMPING[damping])
             moved = places + tried[problem, None] * step
-            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, problem, count)
+            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
             better = tried & (_best(now)[0] > score)
             totals[better], places[better[problem]] = now[better], moved[better[problem]]
             tried = tried & ~better & (damping < len(DAMPING) - 1)
@@ -146,10 +145,13 @@ def fit(
         if not goes_on.any():
             break
     _, factor = _best(totals)
-    normal = normal_equations(kind, parts, places, factor[problem])
-    return Fit(
-        kind, problem, places, normal, factor, _evidence(kind, normal, totals, problem, factor)
-    )
+    normal, rooms = normal_equations(kind, parts, places, factor[problem]), []
+    for other in FACTORS:
+        share = (factor / other)[problem, None, None] ** 2
+        reduced = Reduced.of(Normal(normal.information * share, normal.pull), kind, together)
+        rooms.append(reduced.log_room(kind, together))
+    evidence = over_factors(totals - 0.5 * np.stack(rooms, axis=1))
+    return Fit(kind, together, places, normal, factor, evidence)
 
 
 def normal_equations(
@@ -196,18 +198,16 @@ def errors_at(
     return errors_of(after, pushes.next_state[rows])
 
 
-def _totals(
-    kind: Kind, parts: Parts, places: ndarray, problem: ndarray, count: int
-) -> Float[ndarray, "R K"]:
+def _totals(kind: Kind, parts: Parts, places: ndarray, together: bool) -> Float[ndarray, "R K"]:
     """Return the logarithm of the posterior density of each problem for each factor."""
-    own, far = kind.of_episode, np.zeros(len(places))
-    first = np.unique(problem, return_index=True)[1]
-    far += _far(places, kind.precision, own)
-    far[first] += _far(places[first], kind.precision, ~own)
-    total = np.repeat(-0.5 * _sums(far, problem, count)[:, None], len(FACTORS), axis=1)
+    own, shared = kind.of_episode, ~kind.of_episode
+    far = _far(kind, places, own)
+    once = far[:1] if together else far
+    once += _far(kind, places[: len(once)], shared)
+    total = np.repeat(-0.5 * _sums(far, together)[:, None], len(FACTORS), axis=1)
     for part in parts:
-        errors = errors_at(kind, part, places[part.episode])
-        np.add.at(total, problem[part.episode], log_density(errors, part.scales(FACTORS)))
+        densities = log_density(errors_at(kind, part, places[part.episode]), part.scales(FACTORS))
+        np.add.at(total, part.episode * (not together), densities)
     return total
 
 
@@ -217,20 +217,8 @@ def _best(totals: Float[ndarray, "R K"]) -> tuple[Float[ndarray, "R"], Float[nda
     return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
 
 
-def _evidence(
-    kind: Kind, normal: Normal, totals: ndarray, problem: ndarray, factor: ndarray
-) -> Float[ndarray, "R"]:
-    rooms = []
-    for other in FACTORS:
-        share = (factor / other) ** 2
-        less = Normal(normal.information * share[problem, None, None], normal.pull)
-        reduced = Reduced.of(less, kind, problem, len(factor))
-        rooms.append(reduced.log_room(kind, problem))
-    return over_factors(totals - 0.5 * np.stack(rooms, axis=1))
-
-
 def _step(
-    normal: Normal, kind: Kind, places: ndarray, problem: ndarray, damping: Float[ndarray, "R"]
+    normal: Normal, kind: Kind, places: ndarray, together: bool, damping: Float[ndarray, "R"]
 ) -> Float[ndarray, "C D"]:
     """Return the change of the parameters of each episode, none too long.
 
@@ -238,21 +226,21 @@ def _step(
     """
     own, shared = kind.of_episode, ~kind.of_episode
     diagonal = np.einsum("cdd->cd", normal.information) + np.diag(kind.precision)
-    added = (damping[problem, None] * diagonal)[..., None] * np.eye(len(own))
-    damped, count = Normal(normal.information + added, normal.pull), len(damping)
-    reduced = Reduced.of(damped, kind, problem, count)
-    first = np.unique(problem, return_index=True)[1]
-    pull_own = normal.pull[:, own] + places[:, own] @ kind.precision[np.ix_(own, own)]
+    added = (damping[:, None] * diagonal)[..., None] * np.eye(len(own))
+    damped = Normal(normal.information + added, normal.pull)
+    reduced = Reduced.of(damped, kind, together)
+    pull_own = normal.pull[:, own] + places[:, own] @ _part(kind, own)
     solved = np.linalg.solve(reduced.own, pull_own[..., None])
-    pull = _sums(normal.pull[:, shared] - (reduced.ties @ solved)[..., 0], problem, count)
-    pull += places[first][:, shared] @ kind.precision[np.ix_(shared, shared)]
+    pull = _sums(normal.pull[:, shared] - (reduced.ties @ solved)[..., 0], together)
+    pull = pull + places[: len(pull), shared] @ _part(kind, shared)
     change = -np.linalg.solve(reduced.rest, pull[..., None])[..., 0]  # (R, S)
     longest = np.abs(change).max(axis=1, keepdims=True, initial=0.0)
     change *= LONGEST / np.maximum(longest, LONGEST)
-    rest = pull_own + np.einsum("cso,cs->co", reduced.ties, change[problem])
+    everywhere = np.broadcast_to(change, (len(places), shared.sum()))
+    rest = pull_own + np.einsum("cso,cs->co", reduced.ties, everywhere)
     each = -np.linalg.solve(reduced.own, rest[..., None])[..., 0]
     step = np.empty_like(places)
-    step[:, shared], step[:, own] = change[problem], np.clip(each, -LONGEST, LONGEST)
+    step[:, shared], step[:, own] = change, np.clip(each, -LONGEST, LONGEST)
     return step
 
 
@@ -261,19 +249,16 @@ def _of_episodes(parts: Parts, chosen: Mask) -> Parts:
     return parts if chosen.all() else [part.select(chosen[part.episode]) for part in parts]
 
 
-def _far(places: ndarray, precision: ndarray, chosen: Mask) -> Float[ndarray, "C"]:
-    some, matrix = places[:, chosen], precision[np.ix_(chosen, chosen)]
-    return np.einsum("cd,de,ce->c", some, matrix, some)
+def _part(kind: Kind, chosen: Mask) -> Float[ndarray, "S S"]:
+    """Return what is believed of some parameters before any push, as a precision."""
+    return kind.precision[np.ix_(chosen, chosen)]
 
 
-def _log_size(precision: ndarray, chosen: Mask) -> float:
-    return float(np.linalg.slogdet(precision[np.ix_(chosen, chosen)])[1])
+def _far(kind: Kind, places: ndarray, chosen: Mask) -> Float[ndarray, "C"]:
+    some = places[:, chosen]
+    return np.einsum("cd,de,ce->c", some, _part(kind, chosen), some)
 
 
-def _sums(values: Float[ndarray, "C *V"], problem: ndarray, count: int) -> Float[ndarray, "R *V"]:
+def _sums(values: Float[ndarray, "C *V"], together: bool) -> Float[ndarray, "R *V"]:
     """Return sums over the episodes of each problem."""
-    if len(values) == count:
-        return values  # each has one
-    sums = np.zeros((count, *values.shape[1:]))
-    np.add.at(sums, problem, values)
-    return sums
+    return values.cumsum(axis=0)[-1:] if together else values  # one after another
