@@ -14,11 +14,10 @@ import numpy as np
 
 from sain_core.errors import ErrorCode, InvalidInputError, SainError
 from sain_core.guarding.untrusted import LARGEST_NUMBER, MOST_BODIES
-from sain_core.push import BODY, PUSH_SIZE, STROKE_SIZE, check_predictable
-from sain_core.scene import POSITION, STATE_SIZE, is_settled
+from sain_core.push import BODY, check_predictable
+from sain_core.scene import POSITION, is_settled
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, as_names, bodies_named
 from sain_core.transitions import PushHistory
-from sain_core.types import Pushes, Scene, Scenes
 from sain_core.world import MOST_WAY, PushRecord
 
 LONGEST_IDENTITY: Final = 256  # characters
@@ -63,20 +62,22 @@ class Result(PushRecord):
                 raise InvalidInputError(
                     f"{name} has {len(text)} characters; allowed: {LONGEST_IDENTITY}"
                 )
-        count = len(self.before) if self.before.ndim == 2 else 0
+        history_of([self])  # has shapes and numbers that can be
+        count = len(self.before)
+        if count > MOST_BODIES or len(self.own_bodies) != count:
+            allowed = min(MOST_BODIES, len(self.own_bodies))
+            raise InvalidInputError(f"the scene has {count} bodies, not {allowed}")
         for name, scene in (("before", self.before), ("after", self.after)):
-            _check_scene(name, scene, count)
-        if len(self.own_bodies) != count:
-            raise InvalidInputError(f"the scene has {count} bodies, not {len(self.own_bodies)}")
-        if self.push.shape not in ((PUSH_SIZE,), (STROKE_SIZE,)):
-            raise InvalidInputError(f"push has shape {self.push.shape}; allowed: (5,) or (8,)")
+            if np.abs(scene).max() > LARGEST_NUMBER:
+                raise InvalidInputError(f"scene {name} has a number above {LARGEST_NUMBER:g}")
+            if not is_settled(scene):
+                raise InvalidInputError(f"scene {name} was not at rest")
         check_predictable(self.push[None])
         if self.push[BODY] not in range(count):
             raise InvalidInputError(f"body {self.push[BODY]:g} was pushed; there are {count}")
         ways = np.hypot(*(self.after - self.before)[:, POSITION].T)
         if ways.max() > MOST_WAY:
             raise InvalidInputError(f"a body moved {ways.max():.3g} m; allowed: {MOST_WAY:g} m")
-        history_of([self])
 
     def identified(self) -> Self:
         """Return it with an identity."""
@@ -129,33 +130,18 @@ class Result(PushRecord):
         return found
 
 
-def _check_scene(name: str, scene: Scene, count: int) -> None:
-    if scene.shape != (count, STATE_SIZE) or not 1 <= count <= MOST_BODIES:
-        raise InvalidInputError(
-            f"scene {name} has shape {scene.shape}; allowed: (N, 8), N = 1 to {MOST_BODIES}"
-        )
-    if not np.isfinite(scene).all():
-        raise InvalidInputError(f"scene {name} has NaN or Inf; allowed: finite numbers")
-    if np.abs(scene).max() > LARGEST_NUMBER:
-        raise InvalidInputError(f"scene {name} has a number above {LARGEST_NUMBER:g}")
-    if not is_settled(scene):
-        raise InvalidInputError(f"scene {name} was not at rest")
-
-
 def history_of(results: Sequence[Result]) -> PushHistory:
-    """Return pushes of the same bodies and width as the history of an episode."""
+    """Return pushes of the same bodies and width as the history of an episode.
+
+    Raises `InvalidInputError`: arrays of the wrong shape, or numbers that cannot be.
+    """
     noise = None
     if any(one.noise is not None for one in results):
         zero = np.zeros(len(results[0].before))
         noise = np.stack([zero if one.noise is None else one.noise for one in results])
-    return PushHistory(*stacked(results), noise)
-
-
-def stacked(results: Sequence[Result]) -> tuple[Scenes, Pushes, Scenes]:
-    """Return the scenes before, the pushes and the scenes after, as arrays."""
     columns = zip(*((one.before, one.push, one.after) for one in results), strict=True)
-    before, push, after = (np.stack(column) for column in columns)
-    return before, push, after
+    before, push, after = map(np.stack, columns)
+    return PushHistory(before, push, after, noise)
 
 
 def _code_name(code: int) -> str:

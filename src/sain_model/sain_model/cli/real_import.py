@@ -1,6 +1,7 @@
 """``ros2 run sain_model real_import``: a real robot's pushes as a data set."""
 
 import hashlib
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -120,27 +121,25 @@ def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
     """Yield lines about what was left out and grouped."""
-    from sain_model.importing.data_set import EXAMPLES, MANY_MISSES, REMEDY, UNTOUCHED
+    from sain_model.importing.data_set import MANY_MISSES, REMEDY, UNTOUCHED, summary_of
 
-    pushes = found.pushes
-    surfaces, counts = np.unique(pushes.surface, return_counts=True)
-    on = ", ".join(
-        f"{name or 'not stated'} {n:,}" for name, n in zip(surfaces, counts, strict=True)
-    )
+    pushes, about = found.pushes, summary_of(made)
+    surfaces = Counter(sorted(pushes.surface.tolist()))
+    on = ", ".join(f"{name or 'not stated'} {n:,}" for name, n in surfaces.items())
     yield f"{len(pushes):,} pushes of {len(set(pushes.object.tolist()))} bodies; surfaces: {on}"
-    for what, rows in made.left_out.items():
-        more = ", ..." * (len(rows) > EXAMPLES)
-        yield f"{len(rows):,} left out: {what} ({', '.join(rows[:EXAMPLES])}{more})"
-    if made.misses > MANY_MISSES * len(made.groups):
-        yield f"warning: {made.misses:,} of {len(made.groups):,} never touch the body; {REMEDY}"
-    sizes = np.bincount(made.groups)
-    share = 100 * (sizes[made.groups] > 1).mean()
+    for what, one in about["left_out"].items():
+        more = ", ..." * (one["pushes"] > len(one["rows"]))
+        yield f"{one['pushes']:,} left out: {what} ({', '.join(one['rows'])}{more})"
+    count, misses = about["transitions"], about["misses"]
+    if misses > MANY_MISSES * count:
+        yield f"warning: {misses:,} of {count:,} never touch the body; {REMEDY}"
     yield (
-        f"{made.misses:,} never touch the body; {len(sizes):,} groups of repeats,"
-        f" {share:.0f} % of pushes have one, at most {sizes.max()} in a group"
+        f"{misses:,} never touch the body; {about['groups_of_repeats']:,} groups of repeats,"
+        f" {100 * about['share_with_repeat']:.0f} % of pushes have one, at most"
+        f" {about['largest_group']} in a group"
     )
     state, after, physics = (
-        made.columns[name].reshape(len(made.groups), -1)[:, :2]
+        made.columns[name].reshape(count, -1)[:, :2]
         for name in (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
     )
     moved, off = (MILLIMETRES * np.linalg.norm(after - x, axis=1).mean() for x in (state, physics))

@@ -318,11 +318,12 @@ def write_imported(folder: Path, made: Imported, card: dict[str, Any]) -> int:
     for index, first in enumerate(firsts):
         rows = slice(first, first + SHARD_SIZE)
         write_arrays(shard_path(folder, index), {str(n): v[rows] for n, v in made.columns.items()})
-    write_json(folder / CARD_FILE, {**provenance(), **card, **_summary(made)})
+    write_json(folder / CARD_FILE, {**provenance(), **card, **summary_of(made)})
     return len(firsts)
 
 
-def _summary(made: Imported) -> dict[str, Any]:
+def summary_of(made: Imported) -> dict[str, Any]:
+    """Return numbers of pushes, as the card has them."""
     columns = made.columns
     sizes = np.bincount(made.groups)
     counts = {

@@ -5,9 +5,8 @@ frame of the push, too: a body's centre of mass, the grain of friction and the o
 turn with the scene, and in a mirror those across the push change their sign.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -98,8 +97,7 @@ Residual = Float[ndarray, "B N 3"]  # dx, dy [m] along the push frame's axes, dt
 LIMITS = PushLimits()
 
 
-@dataclass(frozen=True)
-class Features:
+class Features(NamedTuple):
     """Network inputs of B pushes."""
 
     bodies: Float[ndarray, "B N D"]  # what each body is and how physics moves it
@@ -204,12 +202,6 @@ def network_inputs(
 
     run_blocks(work, batch, LANES)
     return Features(np.concatenate([features, believed.astype(np.float32)], axis=-1), relations)
-
-
-def relation_ends(bodies: int) -> tuple[ndarray, ndarray]:
-    """Return receiver and sender (E,) of each relation; a body itself stands for the tool."""
-    receiver, sender = np.divmod(np.arange(bodies * bodies), bodies)
-    return receiver, sender
 
 
 def true_residual(next_scenes: Scenes, frames: Strokes, physics_next: Scenes) -> Residual:

@@ -103,14 +103,9 @@ class InteractionNetwork(nn.Module):
         return output * self.unit
 
 
-def as_tensors(
-    features: Features,
-) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
+def as_tensors(features: Features) -> tuple[Float[Tensor, "B N D"], Float[Tensor, "B E R"]]:
     """Return features of bodies and of relations as PyTorch's networks take them."""
-    bodies, relations = (
-        torch.from_numpy(array.astype(np.float32))
-        for array in (features.bodies, features.relations)
-    )
+    bodies, relations = (torch.from_numpy(array.astype(np.float32)) for array in features)
     return bodies, relations
 
 

@@ -34,7 +34,6 @@ from sain_model.network.features import (
     mirrored_columns,
     network_inputs,
     push_frames,
-    relation_ends,
     true_residual,
 )
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork, as_tensors
@@ -196,7 +195,9 @@ class Examples:
         count = self.bodies.shape[1]
         if count == bodies:
             return self
-        receiver, sender = relation_ends(bodies)
+        receiver, sender = np.divmod(
+            np.arange(bodies * bodies), bodies
+        )  # the tool is the body itself
         exist = torch.from_numpy((receiver < count) & (sender < count))
         relations = self.relations.new_zeros(len(self), len(exist), self.relations.shape[2])
         relations[..., [GAP_BEFORE, GAP_AFTER]] = 1.0
@@ -258,10 +259,6 @@ def inferred_values(data: Part, kind: Kind) -> Values:
     return found | dict(data.given or {})
 
 
-def _identity(split: Split, kind: Kind) -> str:
-    return f"{split.train.sha256} {len(split.train)} {kind.identity}"
-
-
 def _examples_of(
     data: Dataset, kind: Kind, config: TrainingConfig, mirror: bool = False
 ) -> Examples:
@@ -279,7 +276,8 @@ class SinglePushes(LearningObjective):
     """Algorithm 1's loss of single pushes, each member on rows of its own."""
 
     def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
-        self.identity, self.members = _identity(split, kind), config.network.members
+        self.members = config.network.members
+        self.identity = f"{split.train.sha256} {len(split.train)} {kind.identity}"
         self._config = config
         self._train = _examples_of(split.train, kind, config, config.mirrors)
         self._validation = _examples_of(split.validation, kind, config)
@@ -307,7 +305,7 @@ class Rollouts(LearningObjective):
 
     def __init__(self, split: Split, kind: Kind, config: TrainingConfig) -> None:
         """Prepare the windows; raises `DatasetError`: scenes with different bodies."""
-        self.identity = _identity(split, kind)
+        self.identity = f"{split.train.sha256} {len(split.train)} {kind.identity}"
         train, validation = split.train.alike, split.validation.alike
         self._bodies, self._config = train.bodies, config
         self._prior = kind.prior.with_bodies(train.bodies)
