@@ -73,7 +73,7 @@ def test_a_file_gets_its_limits_from_the_urdf(tmp_path):
         ({"tool": {"frame": "hand", "radius": 10}}, "tool.radius is 10; allowed: 0.001 to 0.05 m: 10 millimetres are 0.01 m"),
         ({"tool": {"frame": "Hand", "radius": 0.01}}, r"tool.frame is 'Hand' \(did you mean 'hand'\?\)"),
         ({"limits": {"velocity": {"turn": 0}}}, "limits.velocity of 'turn' is 0; allowed: 0.001 to 50 rad/s"),
-        ({"base": {"z": -0.2}}, "base.z is -0.2; allowed: 0 to 10"),
+        ({"base": {"z": -1.2}}, "base.z is -1.2; allowed: -1 to 10"),
         ({"workspace": {"x": [1, 0]}}, r"workspace.x is \[1, 0\]; the first number must be the lower"),
         ({"controller": 3}, "controller is 3; it must be a text"),
         ({"urdf": "package://nobody_has_this/a.urdf"}, "there is no package 'nobody_has_this'"),

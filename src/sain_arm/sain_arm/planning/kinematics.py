@@ -1,4 +1,6 @@
-"""Inverse kinematics of ways of the tool: one branch from point to point. By mink.
+"""Inverse kinematics of ways of the tool: one branch from point to point.
+
+Away from the joints' limits by Newton steps, as many as are needed; near them by mink.
 
 The tool points down; its turn about its own axis is free. Of the joint angles that remain possible
 those near home are preferred, so that a place has one posture in a branch, whatever came before.
@@ -68,6 +70,29 @@ class Kinematics:
 
     def _solve(self, start: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector:
         """Return joints (J,) near others that hold the tip at a point (3,)."""
+        joints = self._newton(start, tip, steps)
+        return self._within_limits(start, tip, steps) if joints is None else joints
+
+    def _newton(self, joints: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector | None:
+        """Return the same, or None: the way there leads to a limit, or is long."""
+        arm, robot = self.arm, self.arm.robot
+        rest = (POSTURE_COST**2 + DAMPING) * np.eye(len(joints))
+        for step in range(steps):
+            place, (x, y, _) = arm.tip(joints), arm.axis()
+            lean = np.array([-y, x])  # the turn [rad] that brings the tool upright, where small
+            if step and np.linalg.norm(tip - place) < CLOSE and np.linalg.norm(lean) < UPRIGHT:
+                return joints
+            rates = arm.jacobian()[:5]
+            rates[3:] *= TILT_COST
+            wanted = rates.T @ np.concatenate([tip - place, TILT_COST * lean])
+            wanted += POSTURE_COST**2 * (robot.home - joints)
+            joints = joints + _shortened(np.linalg.solve(rates.T @ rates + rest, wanted))
+            if (joints < robot.lower).any() or (joints > robot.upper).any():
+                return None
+        return None
+
+    def _within_limits(self, start: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector:
+        """Return the same, with joints that may be at their limits."""
         configuration = self._configuration
         configuration.update(self._in_model(start))
         self._task.set_target(mink.SE3(np.array([0.0, 1.0, 0.0, 0.0, *tip])))

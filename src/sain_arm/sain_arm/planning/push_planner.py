@@ -42,11 +42,13 @@ class PushPlan:
         approach: from where the arm is to beside the body.
         stroke: from there through the stroke, up to above its end.
         pushing: from when to when [s] in `stroke` the tool pushes.
+        lifts: from when [s] it is lifted, after it has withdrawn a little.
     """
 
     approach: Trajectory
     stroke: Trajectory
     pushing: tuple[float, float]
+    lifts: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,8 +77,11 @@ class PushPlanner:
         self.arm = ArmModel(robot, bodies, radii)
         self.kinematics = Kinematics(self.arm)
 
-    def plan(self, stroke: Stroke, scene: Scene, joints: Vector) -> PushPlan:
+    def plan(self, stroke: Stroke, scene: Scene, joints: Vector | None) -> PushPlan:
         """Return the motion for a stroke in a scene (N, 8), from where the arm has joints (J,).
+
+        Without joints the branch of home comes first, so that the same stroke gives the same
+        motion, and the approach is the lowering alone: see `approach`.
 
         Raises:
             UnreachableError: a place, a limit of a joint, or a contact of a link in the way.
@@ -85,6 +90,15 @@ class PushPlanner:
         self.arm.place(scene)
         self._check_workspace(stroke)
         return self._with_best_branch(stroke, joints)
+
+    def approach(self, plan: PushPlan, joints: Vector) -> Trajectory:
+        """Return the way from joints (J,) to where the stroke of a plan begins, for the same scene.
+
+        Raises:
+            UnreachableError: there is none.
+            BlockedError: a body is in the way.
+        """
+        return self._approach(joints, plan.approach.positions)
 
     def retreat(self, joints: Vector) -> Trajectory:
         """Return the way straight up from where the arm has joints (J,).
@@ -110,9 +124,7 @@ class PushPlanner:
         self.arm.place(scene)
         parts = self._lifted(joints)
         start = parts[-1].positions[-1] if parts else joints
-        end = self.robot.home.copy()
-        end[0] = np.clip(end[0] + turn, self.robot.lower[0], self.robot.upper[0])
-        return Trajectory.joined([*parts, self._travel(start, end)])
+        return Trajectory.joined([*parts, self.travel(start, self.robot.aside(turn))])
 
     def _check_workspace(self, stroke: Stroke) -> None:
         """Check that both ends of a stroke are in the workspace box, which is convex."""
@@ -128,11 +140,11 @@ class PushPlanner:
                         f" allows {low[axis]:g} to {high[axis]:g} m"
                     )
 
-    def _with_best_branch(self, stroke: Stroke, joints: Vector) -> PushPlan:
+    def _with_best_branch(self, stroke: Stroke, joints: Vector | None) -> PushPlan:
         """Return the plan in the present branch if that has margin, else in the best one."""
         plans: list[tuple[float, PushPlan]] = []
         first: SainError | None = None
-        for seed in self._seeds(stroke, joints):
+        for seed in self._seeds(joints):
             try:
                 branch = self._branch(stroke, seed)
                 if plans and branch.margin <= max(margin for margin, _ in plans):
@@ -148,14 +160,15 @@ class PushPlanner:
             raise first
         return max(plans, key=lambda one: one[0])[1]
 
-    def _seeds(self, stroke: Stroke, joints: Vector) -> Iterator[Vector]:
+    def _seeds(self, joints: Vector | None) -> Iterator[Vector]:
         """Yield joints from which branches are tried, the arm's own first."""
-        yield joints
+        if joints is not None:
+            yield joints
         yield self.robot.home
         random = np.random.default_rng(0)
         span = np.minimum(self.robot.upper - self.robot.lower, 2 * np.pi)
         for _ in range(BRANCHES):
-            drawn = self.robot.home + random.uniform(-0.5, 0.5, len(joints)) * span
+            drawn = self.robot.home + random.uniform(-0.5, 0.5, len(span)) * span
             yield np.clip(drawn, self.robot.lower, self.robot.upper)
 
     def _branch(self, stroke: Stroke, seed: Vector) -> _Branch:
@@ -194,21 +207,23 @@ class PushPlanner:
         lower, push, withdraw, lift = parts
         return _Branch(lower, push, withdraw, lift, margin)
 
-    def _timed_plan(self, stroke: Stroke, branch: _Branch, joints: Vector) -> PushPlan:
-        approach = self._approach(joints, branch.lower)
+    def _timed_plan(self, stroke: Stroke, branch: _Branch, joints: Vector | None) -> PushPlan:
+        lower = branch.lower
+        approach = self._moved(lower) if joints is None else self._approach(joints, lower)
         parts = [
             self._moved(branch.stroke, stroke.speed),
             self._moved(branch.withdraw),
             self._moved(branch.lift),
         ]
         trajectory = Trajectory.joined(parts)
-        return PushPlan(approach, trajectory, (0.0, parts[0].duration))
+        pushed, withdrawn, _ = (part.duration for part in parts)
+        return PushPlan(approach, trajectory, (0.0, pushed), pushed + withdrawn)
 
     def _approach(self, joints: Vector, lower: Joints) -> Trajectory:
         """Return the way from joints (J,) to the end of the lowering (T, J): up, across, down."""
         parts = self._lifted(joints)
         start = parts[-1].positions[-1] if parts else joints
-        return Trajectory.joined([*parts, self._travel(start, lower[0]), self._moved(lower)])
+        return Trajectory.joined([*parts, self.travel(start, lower[0]), self._moved(lower)])
 
     def _lifted(self, joints: Vector) -> list[Trajectory]:
         """Return the way straight up to above all bodies from joints (J,); none: it is there."""
@@ -220,10 +235,14 @@ class PushPlanner:
         self._check_contacts(lift, None)
         return [self._moved(lift)]
 
-    def _travel(self, start: Vector, end: Vector) -> Trajectory:
+    def travel(self, start: Vector, end: Vector) -> Trajectory:
         """Return the way above all bodies from joints (J,) to others.
 
         An arc about the base, if it ends in the same posture; else straight in joint space.
+
+        Raises:
+            UnreachableError: there is none.
+            BlockedError: a body is in the way, of those that were placed last.
         """
         first, last = self.arm.tips(np.stack([start, end]))
         error: SainError

@@ -6,12 +6,13 @@ to rest, two sweeps find the fastest profile: Bobrow, Dubowsky and Gibson, 1985,
 """
 
 from dataclasses import dataclass
+from math import sqrt
 from typing import Final, Self
 
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 
 from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_core.types import Scalars
@@ -21,7 +22,7 @@ Times = Float[ndarray, "_"]
 GRID: Final = 200  # places along a way
 SHARE: Final = 0.95  # of the limits that is used
 BEND_SHARE: Final = 0.5  # of the accelerations, at most, for bends; the rest changes the speed
-PERIOD: Final = 0.02  # [s] between points of a trajectory
+PERIOD: Final = 0.01  # [s] between points of a trajectory
 SHORTEST: Final = 1e-6  # [m], below which nothing moves
 
 
@@ -57,6 +58,12 @@ class Trajectory:
         bend, twist = 3 * rise - 2 * out - into, out + into - 2 * rise
         position = first + t * (out + t * (bend + t * twist))
         return position, (out + t * (2 * bend + 3 * t * twist)) / step
+
+    def sampled(self, step: float) -> Joints:
+        """Return positions (T, J) after 0, 1, 2 .. steps [s], the last one at its end."""
+        count = int(np.ceil(self.duration / step - 1e-9))
+        spline = CubicHermiteSpline(self.times, self.positions, self.velocities)
+        return np.asarray(spline(np.minimum(np.arange(count + 1) * step, self.duration)))
 
     @classmethod
     def joined(cls, parts: list["Trajectory"]) -> Self:
@@ -122,15 +129,15 @@ class Way:
 
 def _swept(speed: Scalars, push: Scalars, step: float) -> Scalars:
     """Return the fastest speeds (T,) from rest to rest below others, with these accelerations."""
-    speed = speed.copy()
-    speed[0] = speed[-1] = 0.0
-    for places in (range(1, len(speed)), range(len(speed) - 2, -1, -1)):
+    limits, pushes = speed.tolist(), push.tolist()  # floats of Python are five times as fast here
+    limits[0] = limits[-1] = 0.0
+    for places in (range(1, len(limits)), range(len(limits) - 2, -1, -1)):
         side = 1 if places.step > 0 else -1
         for place in places:
             before = place - side
-            reach = np.sqrt(speed[before] ** 2 + 2.0 * min(push[place], push[before]) * step)
-            speed[place] = min(speed[place], reach)
-    return speed
+            gain = 2.0 * min(pushes[place], pushes[before]) * step
+            limits[place] = min(limits[place], sqrt(limits[before] ** 2 + gain))
+    return np.array(limits)
 
 
 def _travelled(sampled: Times, times: Times, places: Times, speed: Times) -> tuple[Times, Times]:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
+from scipy.spatial.transform import Rotation
 
 from sain_arm.robot.mesh import mesh_hull
 from sain_arm.robot.robot import Joints, Robot, Vector
@@ -29,6 +30,19 @@ SELF_GAP: Final = 0.0  # [m], between links
 GAP: Final = 0.003  # [m], between a link and table or bodies
 DRAWS: Final = 200  # postures, of which links that always touch are known
 OFTEN: Final = 0.9  # of them
+
+
+Pose = tuple[Float[ndarray, "3"], Rotation]  # place [m] and turn in another frame
+
+
+@dataclass(frozen=True)
+class ChainJoint:
+    """A joint of the arm at 0, with the link that it moves."""
+
+    name: str
+    slides: bool
+    pose: Pose  # of the link in the link of the joint before, or in the world
+    axis: Float[ndarray, "3"]  # in the link's frame
 
 
 @dataclass(frozen=True)
@@ -102,6 +116,30 @@ class ArmModel:
     def tips(self, joints: Joints) -> Float[ndarray, "T 3"]:
         """Return where the tool's tip is, (T, 3) [m], for joints (T, J)."""
         return np.array([self.tip(row) for row in joints])
+
+    def chain(self) -> list[ChainJoint]:
+        """Return the arm's joints from the base on, in the robot's order."""
+        self.set_joints(np.zeros(len(self.order)))
+        chain, above = [], 0
+        for name in self.robot.joints:
+            joint = self.model.joint(name)
+            body = int(self.model.jnt_bodyid[joint.id])
+            slides = self.model.jnt_type[joint.id] == mujoco.mjtJoint.mjJNT_SLIDE
+            chain.append(ChainJoint(name, bool(slides), self._pose(body, above), joint.axis))
+            above = body
+        return chain
+
+    def tip_pose(self) -> Pose:
+        """Return the pose of the tool's tip in the link of the last joint."""
+        self.set_joints(np.zeros(len(self.order)))
+        last = int(self.model.jnt_bodyid[self.model.joint(self.robot.joints[-1]).id])
+        return self._pose(self._tip, last)
+
+    def _pose(self, body: int, within: int) -> Pose:
+        """Return the pose of a body in the frame of another one, of the joints set last."""
+        places, turns = self.data.xpos, self.data.xmat.reshape(-1, 3, 3)
+        turn = turns[within].T @ turns[body]
+        return turns[within].T @ (places[body] - places[within]), Rotation.from_matrix(turn)
 
     def skeleton(self, joints: Vector) -> list[ndarray]:
         """Return the places (3,) [m] of the links from the base to the tip."""

@@ -21,6 +21,7 @@ from numpy import ndarray
 from sain_arm.robot.urdf import AXES, Urdf, UrdfJoint
 from sain_core.config import check_angle, check_number, check_text
 from sain_core.errors import ConfigError
+from sain_core.feasibility import Reach
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
@@ -37,15 +38,17 @@ Vector = Float[ndarray, "J"]
 
 SHIPPED: Final = Path(__file__).parent.parent / "robots"
 KEYS: Final = {
-    "": ("urdf", "base", "tool", "controller", "home", "limits", "workspace"),
+    "": ("urdf", "base", "tool", "controller", "home", "limits", "workspace", "reach"),
     "base": ("x", "y", "z", "yaw"),
     "tool": ("frame", "axis", "rod", "radius"),
     "limits": ("position", "velocity", "acceleration"),
     "workspace": ("x", "y", "z"),
+    "reach": ("inner", "outer", "bearing"),
 }
-NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "radius")}
+NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "radius"), "reach": ("inner", "outer")}
 LONGEST_TEXT: Final = 4096  # characters, as the longest path
 FAR: Final = 10.0  # [m]
+LOWEST: Final = 1.0  # [m], of a base below the table top
 FASTEST: Final = 50.0  # [rad/s]
 STRONGEST: Final = 500.0  # [rad/s^2]
 LEAST_RATE: Final = 1e-3  # likewise
@@ -66,10 +69,12 @@ class Robot:
         upper: likewise.
         velocity: limits [rad/s].
         acceleration: limits [rad/s^2].
+        effort: limits [N m] of the URDF; infinite where it states none.
         tool_radius: of the rod [m].
         controller: which serves ``<controller>/follow_joint_trajectory``.
         base: its place x, y [m] in the world.
         workspace: (3, 2), lowest and highest x, y, z [m] of the tool's tip.
+        reach: where the tool can stand; None: its inverse kinematics tell.
     """
 
     name: str
@@ -80,10 +85,18 @@ class Robot:
     upper: Vector
     velocity: Vector
     acceleration: Vector
+    effort: Vector
     tool_radius: float
     controller: str
     base: Float[ndarray, "2"]
     workspace: Float[ndarray, "3 2"]
+    reach: Reach | None = None
+
+    def aside(self, turn: float) -> Vector:
+        """Return the angles (J,) at home with the first joint turned [rad], as far as it goes."""
+        joints = self.home.copy()
+        joints[0] = np.clip(joints[0] + turn, self.lower[0], self.upper[0])
+        return joints
 
 
 def read_robot(name: str) -> Robot:
@@ -127,7 +140,7 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
     home = _home(rows.given["home"], chain)
     joints = tuple(home)
     stands = (
-        *(base.number(key, 0.0, 0.0 if key == "z" else -FAR, FAR, "m") for key in "xyz"),
+        *(base.number(key, 0.0, -LOWEST if key == "z" else -FAR, FAR, "m") for key in "xyz"),
         check_angle("base.yaw", base.given.get("yaw", 0.0)),
     )
     position = _Section("limits.position", limits.given.get("position", {}), joints)
@@ -150,11 +163,20 @@ def parse_robot(content: Any, name: str, beside: Path) -> Robot:
         bounds[:, 1],
         np.array(velocity),
         np.array(acceleration),
+        np.array([joint.effort or np.inf for joint in chain]),
         radius,
         check_ros_name("controller", rows.text("controller")),
         np.array(stands[:2]),
         np.array([space.pair(key, (-FAR, FAR)) for key in KEYS["workspace"]]),
+        _reach(rows.given["reach"]) if "reach" in rows.given else None,
     )
+
+
+def _reach(given: Any) -> Reach:
+    ring = _Section("reach", given)
+    inner = ring.number("inner", None, 0.0, FAR, "m")
+    bearing = ring.number("bearing", np.pi, 0.0, np.pi, "rad")
+    return Reach(inner, ring.number("outer", None, inner, FAR, "m"), bearing)
 
 
 class _Section:

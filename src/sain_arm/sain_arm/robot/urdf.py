@@ -71,6 +71,7 @@ class UrdfJoint:
         lower: position limit [rad] or [m]; None: the file states none.
         upper: likewise.
         velocity: limit [rad/s] or [m/s]; None: the file states none.
+        effort: limit [N m] or [N]; 0: the file states none.
     """
 
     name: str
@@ -78,6 +79,7 @@ class UrdfJoint:
     lower: float | None
     upper: float | None
     velocity: float | None
+    effort: float = 0.0
 
     @property
     def unit(self) -> str:
@@ -200,9 +202,11 @@ class Urdf:
         limit = joint.find("limit")
         if limit is None:
             return UrdfJoint(name, kind, lower, upper, None)
-        (velocity,), _ = (read_numbers(what, limit, key, RATE) for key in ("velocity", "effort"))
+        (velocity,), (effort,) = (
+            read_numbers(what, limit, key, RATE) for key in ("velocity", "effort")
+        )
         stated = None if limit.get("velocity") is None else velocity
-        return UrdfJoint(name, kind, lower, upper, stated)
+        return UrdfJoint(name, kind, lower, upper, stated, float(effort))
 
     def prepared(
         self,

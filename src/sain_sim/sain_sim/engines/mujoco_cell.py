@@ -8,22 +8,32 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
+from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.robot import Vector
+from sain_arm.robot.urdf import TIP
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_core.types import Scalars, Scene
 from sain_core.world import DivergedError
-from sain_sim.arm.motion import JOINT_COUNT, TIME_STEP, ControlledArm, Joints, Kinematics, Tips
 from sain_sim.engines.mujoco_description import (
     FEET_FIRST,
     PHYSICS_STEPS,
-    SHOULDER,
-    STICK,
     TOOL,
     describe_world,
 )
 from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.roughness import Disturbance
-from sain_sim.world.workcell import CellState, Simulation, Workcell, WorldConfig, lean_of
+from sain_sim.world.workcell import (
+    TIME_STEP,
+    CellState,
+    ControlledArm,
+    Simulation,
+    Tip,
+    Workcell,
+    WorldConfig,
+    lean_of,
+)
 
+BASE: Final = 1  # the robot's root among the bodies of a model
 WARNINGS: Final = {
     name: int(kind)
     for name, kind in mujoco.mjtWarning.__members__.items()
@@ -42,36 +52,35 @@ class MujocoStates(NamedTuple):
 
 
 class MujocoArm(ControlledArm):
-    """A Panda of MuJoCo's, whose joints are the first seven of the model."""
+    """An arm of MuJoCo's, whose joints are the first ones of the model."""
 
-    def __init__(self, model: Any, data: Any, kinematics: Kinematics) -> None:
+    def __init__(self, model: Any, data: Any, arm: ArmModel) -> None:
         """Control the arm of a world's data."""
-        super().__init__(kinematics)
-        self._model, self._data = model, data
-        self._stick = model.geom(STICK).id
+        super().__init__(arm)
+        self._data, self._tip = data, model.body(TIP).id
+        self._model, self._count = model, len(arm.robot.joints)
         # A servo's damping brakes all motion. This lead cancels it at the speed that is commanded;
         # the half step is from where a control step begins to its middle.
         _, stiffness, damping = -model.actuator_biasprm[:, :3].T
-        self._lead = damping / stiffness + TIME_STEP / 2  # (7,) [s]
+        self._lead = damping / stiffness + TIME_STEP / 2  # (J,) [s]
 
-    def put(self, joints: Joints) -> None:
-        """Set the joints to angles (7,) at once, at rest."""
-        self._data.qpos[:JOINT_COUNT] = joints
-        self._data.qvel[:JOINT_COUNT] = 0.0
+    def put(self, joints: Vector) -> None:
+        """Set the joints to (J,) at once, at rest."""
+        self._data.qpos[: self._count] = joints
+        self._data.qvel[: self._count] = 0.0
 
     def command(self, joints: list[float], speeds: list[float]) -> None:
-        """Command angles of now (7) [rad], and speeds (7) [rad/s] that lead to the next ones."""
+        """Command positions of now (J), and speeds (J) that lead to the next ones."""
         self._data.ctrl[:] = np.array(joints) + self._lead * np.array(speeds)
 
-    def joint_states(self) -> tuple[Joints, Joints]:
-        """Return the joint angles (7,) [rad] and speeds (7,) [rad/s]."""
-        return self._data.qpos[:JOINT_COUNT].copy(), self._data.qvel[:JOINT_COUNT].copy()
+    def joint_states(self) -> tuple[Vector, Vector]:
+        """Return the joints' positions (J,) and speeds (J,)."""
+        return self._data.qpos[: self._count].copy(), self._data.qvel[: self._count].copy()
 
-    def tool(self) -> Tips:
-        """Return where the tool's tip is, (3,) [m]: below the middle of the stick's round end."""
+    def tool(self) -> Tip:
+        """Return where the tool's tip is, (3,) [m]."""
         mujoco.mj_kinematics(self._model, self._data)
-        radius = self._model.geom_size[self._stick, 0]
-        return np.asarray(self._data.geom_xpos[self._stick] - [0.0, 0.0, radius])
+        return np.array(self._data.xpos[self._tip])
 
 
 class MujocoSimulation(Simulation):
@@ -92,10 +101,11 @@ class MujocoSimulation(Simulation):
     def build(self, parameters: WorldParameters, origin: CellState, steps: int) -> "MujocoCell":
         """Build a workcell with these bodies, after so many earlier control steps."""
         if self._built is None or self._built[0] != parameters:
-            model = describe_world(self.config, parameters, self.home)
+            model = describe_world(self.config, parameters)
             self._built = (parameters, model, mujoco.MjData(model))
         _, model, data = self._built
-        return MujocoCell(model, data, self.config, parameters, origin, steps)
+        arm = MujocoArm(model, data, self.planner.arm)
+        return MujocoCell(model, data, arm, self.config, parameters, origin, steps)
 
     def close(self) -> None:
         """Let go of the model; a second call does nothing."""
@@ -111,6 +121,7 @@ class MujocoCell(Workcell):
         self,
         model: Any,
         data: Any,
+        arm: MujocoArm,
         config: WorldConfig,
         parameters: WorldParameters,
         origin: CellState,
@@ -121,14 +132,14 @@ class MujocoCell(Workcell):
         self._model, self._data = model, data
         self._free = np.array([i not in parameters.bodies.fixed for i in range(parameters.count)])
         mujoco.mj_resetData(model, data)
-        count = int(self._free.sum())
-        self._poses = data.qpos[JOINT_COUNT:].reshape(count, 7)  # views
-        self._speeds = data.qvel[JOINT_COUNT:].reshape(count, 6)
+        count, joints = int(self._free.sum()), model.nu
+        self._poses = data.qpos[joints:].reshape(count, 7)  # views
+        self._speeds = data.qvel[joints:].reshape(count, 6)
         self._fixed_poses = origin.states.poses[~self._free]
         self._poses[:] = origin.states.poses[self._free]
         self._speeds[:] = origin.states.speeds[self._free]
         data.mocap_pos[:], data.mocap_quat[:] = np.split(self._fixed_poses, [3], axis=1)
-        self.arm = MujocoArm(model, data, config.kinematics)
+        self.arm = arm
         self.arm.place(origin.joints)
         self._body_of = model.geom_bodyid - model.body("body0").id  # (G,); below 0: table and arm
         self._is_tool = model.geom_contype == TOOL
@@ -188,7 +199,7 @@ class MujocoCell(Workcell):
     def _disturb(self, disturbance: Disturbance) -> None:
         """Set where the arm's base is, which its joints do not tell, and the feet's friction."""
         model, feet = self._model, np.concatenate(self._feet)
-        model.body(SHOULDER).pos[:2] = disturbance.tool
+        model.body_pos[BASE, :2] = self._config.arm.base + disturbance.tool
         self._slip[feet] = self._parameters.friction * disturbance.supports
         model.geom_friction[feet, 0] = self._slip[feet]
 

@@ -1,8 +1,8 @@
 """What MuJoCo simulates: an arm, a table and bodies. Every number has its source beside it.
 
 Sources: [MuJoCo] its documentation, chapters Computation and XML reference; [Menagerie] the Panda
-of github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``); [URDF] `sain_sim.arm.panda`,
-made from ``pybullet_data``; [Franka] its data sheet. Masses, sizes and friction are drawn.
+of github.com/google-deepmind/mujoco_menagerie (``panda_nohand.xml``). Masses, sizes and friction
+are drawn. Of the arm only the tool collides, with a ball at half the height of bodies.
 
 Contacts are between forms whose normals are exact, at heights that rounding does not change:
 
@@ -21,20 +21,21 @@ from typing import Any, Final
 import mujoco
 import numpy as np
 
+from sain_arm.robot.arm_model import compiled, robot_spec
+from sain_arm.robot.robot import Robot
+from sain_arm.robot.urdf import TIP
 from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.shape import Shape, Solid, prism_surface
-from sain_sim.arm.motion import JOINT_COUNT, STOCK_TORQUE, TIME_STEP, Joints
-from sain_sim.arm.panda import STOCK_INERTIA, TORQUE_SCALE, panda_with_stick
 from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
-from sain_sim.world.workcell import GRAVITY, SAG, WorldConfig, support_drop
+from sain_sim.world.workcell import GRAVITY, SAG, TIME_STEP, WorldConfig, support_drop
 
 LONGEST_STEP: Final = 0.002  # [s], [MuJoCo] default of `timestep`; control steps are longer
 STIFFEST: Final = 2.0  # [steps], [MuJoCo] smallest time constant of a contact that is stable
 CRITICAL: Final = 1.0  # [MuJoCo] default damping ratio of a contact: no bounce
 SLIDING_ONLY: Final = 3  # `condim`: no torsional or rolling friction, as in the paper
-SERVO_STIFFNESS: Final = np.array([4500.0, 4500.0, 3500.0, 3500.0, 2000.0, 2000.0, 2000.0])
-"""[N m/rad], [Menagerie] `gainprm`; a multiple of these, as of the torques, holds the arm."""
-ROTOR_INERTIA: Final = 0.1  # [kg m^2], [Menagerie] `armature`
+SERVO_STIFFNESS: Final = 5e5  # [N/m], of the tool on each joint's servo alone
+SHORTEST_LEVER: Final = 0.1  # [m], of the tool about a joint, that its servo is made for
+ROTOR_INERTIA: Final = {"hinge": 0.1, "slide": 5.0}  # [kg m^2], [Menagerie] `armature`; [kg]
 YIELD: Final = 100.0  # [1 / mass], regularisation R of a flat bottom's contacts, [MuJoCo] solimp
 DAMPING: Final = 90.0  # [1/s], of a flat bottom on the table: a fifth of critical
 FRICTION_RATIO: Final = 10.0  # `impratio`: friction of soft contacts creeps at below 1 mm/s
@@ -44,34 +45,30 @@ PHYSICS_STEPS: Final = ceil(TIME_STEP / LONGEST_STEP - 1e-9)  # of MuJoCo, in a 
 
 BALL, BOX = mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_BOX
 CYLINDER, PLANE = mujoco.mjtGeom.mjGEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_PLANE
-STICK: Final = "stick"
-SHOULDER: Final = "panda_link1"  # the lowest link that is a body: MuJoCo makes what rests the world
 TABLE, RIM, TOOL = 1, 2, 4  # bits of what may touch what
 # MuJoCo takes the larger friction of two forms, or that of the one with the higher priority. So
 # each pair has the friction that is drawn: of table and body, of tool and body, of two bodies.
 FEET_FIRST, TABLE_SECOND, TOOL_THIRD, RIMS_LAST = 3, 2, 1, 0
 
 
-def describe_world(config: WorldConfig, parameters: WorldParameters, home: Joints) -> Any:
+def describe_world(config: WorldConfig, parameters: WorldParameters) -> Any:
     """Return the compiled model of a world; the bodies' places are not part of it.
 
-    Its joints are the arm's seven, then a free joint for each body that is not fixed.
+    Its joints are the robot's, then a free joint for each body that is not fixed.
     """
-    table, radius = config.feasibility.table, config.feasibility.limits.tool_radius
-    spec = mujoco.MjSpec.from_string(  # [URDF]
-        panda_with_stick(radius, STOCK_INERTIA, visuals=False)
-    )
+    table, robot = config.feasibility.table, config.arm
+    spec = robot_spec(robot)
     _set_options(spec, parameters)
-    _hold_arm(spec, -table.height)
-    for geom in spec.geoms:  # of the arm only the stick's end collides
-        geom.name = STICK
-        _collide(spec, geom, TOOL, 0, parameters.tool_friction, TOOL_THIRD)
-        _yield(geom, parameters.roughness.contact_times[0])
+    _hold_arm(spec, robot)
+    ball = spec.body(TIP).add_geom(type=BALL, size=[robot.tool_radius, 0, 0])
+    ball.pos = [0.0, 0.0, -config.rise]
+    _collide(spec, ball, TOOL, 0, parameters.tool_friction, TOOL_THIRD)
+    _yield(ball, parameters.roughness.contact_times[0])
     _add_table(spec, table, parameters.friction)
     for body in range(parameters.count):
         _add_body(spec, body, parameters)
-    model = spec.compile()
-    _damp_servos(model, home)
+    model = compiled(robot, spec)
+    _set_servos(model, robot)
     return model
 
 
@@ -89,33 +86,37 @@ def _set_options(spec: Any, parameters: WorldParameters) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET  # what diverges is reported
 
 
-def _hold_arm(spec: Any, base: float) -> None:
-    """Place the arm, balance its weight as Franka's controller does, and add servos."""
-    spec.body("panda_link0").pos = [0.0, 0.0, base]
+def _hold_arm(spec: Any, robot: Robot) -> None:
+    """Let nothing of the arm collide, balance its weight, and add servos in the joints' order."""
+    for part in (*spec.geoms, *spec.meshes):
+        spec.delete(part)
     for body in spec.bodies:
         body.gravcomp = 1.0
-    for index, joint in enumerate(spec.joints):
-        joint.armature = ROTOR_INERTIA
-        joint.actfrclimited = False  # the servo has the limit
-        stiffness, limit = TORQUE_SCALE * SERVO_STIFFNESS[index], TORQUE_SCALE * STOCK_TORQUE[index]
-        servo = spec.add_actuator(name=f"servo{index + 1}", target=joint.name)
+    slide = mujoco.mjtJoint.mjJNT_SLIDE
+    for name in robot.joints:
+        joint = spec.joint(name)
+        joint.armature = ROTOR_INERTIA["slide" if joint.type == slide else "hinge"]
+        joint.actfrclimited = False
+        servo = spec.add_actuator(name=f"servo of {name}", target=name)
         servo.trntype = mujoco.mjtTrn.mjTRN_JOINT
         servo.gaintype = mujoco.mjtGain.mjGAIN_FIXED
         servo.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-        servo.gainprm[0], servo.biasprm[1] = stiffness, -stiffness
-        servo.forcelimited, servo.forcerange = True, [-limit, limit]  # [Franka]
-    assert len(spec.joints) == JOINT_COUNT
 
 
-def _damp_servos(model: Any, home: Joints) -> None:
-    """Damp each servo critically for the inertia of its joint where the arm is at home."""
-    data = mujoco.MjData(model)
-    data.qpos[:JOINT_COUNT] = home
+def _set_servos(model: Any, robot: Robot) -> None:
+    """Make servos as stiff at the tool as each other, and damp them critically, as at home."""
+    data, count = mujoco.MjData(model), len(robot.joints)
+    data.qpos[:count] = robot.home
     mujoco.mj_forward(model, data)
     inertia = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, inertia)
-    own = np.diag(inertia)[:JOINT_COUNT]
-    model.actuator_biasprm[:, 2] = -2.0 * np.sqrt(model.actuator_gainprm[:, 0] * own)
+    jacobian = np.zeros((3, model.nv))
+    mujoco.mj_jacBody(model, data, jacobian, None, model.body(TIP).id)
+    lever = np.maximum(np.linalg.norm(jacobian[:, :count], axis=0), SHORTEST_LEVER)
+    stiffness = SERVO_STIFFNESS * lever**2
+    model.actuator_gainprm[:, 0] = stiffness
+    model.actuator_biasprm[:, 1] = -stiffness
+    model.actuator_biasprm[:, 2] = -2.0 * np.sqrt(stiffness * np.diag(inertia)[:count])
 
 
 def _add_table(spec: Any, table: Table, friction: float) -> None:

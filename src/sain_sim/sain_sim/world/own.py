@@ -5,13 +5,13 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from sain_arm.planning.push_planner import PushPlanner
 from sain_core.errors import SainError
 from sain_core.feasibility import Stroke
 from sain_core.guarding.plugins import package_of
 from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome, Setting, WorldFailedError, check_outcome
-from sain_sim.arm.motion import TIME_STEP, stroke_tips
 from sain_sim.world.engines import (
     DEFAULT_ENGINE,
     ENGINES,
@@ -20,7 +20,7 @@ from sain_sim.world.engines import (
 )
 from sain_sim.world.parameters import WorldParameters, on_a_grid
 from sain_sim.world.truth import check_roughness
-from sain_sim.world.workcell import HOME, Sample, Watch, WorldConfig
+from sain_sim.world.workcell import TIME_STEP, Route, Sample, Watch, WorldConfig
 from sain_sim.world.world import CheckedWorld, World
 
 T = TypeVar("T")
@@ -44,7 +44,8 @@ class OwnWorld(CheckedWorld):
         self.config, self.engine, self.parameters = config, engine, parameters
         self._package = package_of(OFFERED.find(engine))
         self._world = load_world(engine)
-        self._joints = config.kinematics.joints(np.array([*HOME, config.motion.raised]))
+        self._planner = PushPlanner(config.arm, config=config.motion)
+        self._joints = config.arm.home
         self._time = 0.0
         table = config.feasibility.table
         self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
@@ -68,7 +69,7 @@ class OwnWorld(CheckedWorld):
 
     def sample(self, phase: str = "rest") -> Sample:
         """Return the arm and the disks as they are."""
-        tip = self.config.kinematics.tips(self._joints)
+        tip = self._planner.arm.tip(self._joints)
         rest = np.zeros_like(self._joints)
         return Sample(self._time, self._joints, rest, tip, tip, self.observe(), phase)
 
@@ -86,9 +87,9 @@ class OwnWorld(CheckedWorld):
             WorldFailedError: the world raised anything else, or what it returned breaks the
                 contract. The bodies are put back.
         """
-        before, motion = self.observe(), self.config.motion
-        tips = stroke_tips(motion, stroke.start, stroke.end, stroke.speed)
-        joints = self.config.kinematics.joints(tips)
+        before = self.observe()
+        plan = self._planner.plan(stroke, before, None)
+        joints = Route.of(plan, plan.approach.positions[-1:]).stroke
         took = len(joints) * TIME_STEP
 
         def perform() -> object:

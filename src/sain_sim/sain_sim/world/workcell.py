@@ -5,8 +5,9 @@ each push. How a push goes, who watches it and when it is refused is here, once 
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import degrees, radians
 from typing import Any, Final, NamedTuple
 
@@ -15,6 +16,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_arm.planning.arm_config import MotionConfig
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.robot import Joints, Robot, Vector, read_robot
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
 from sain_core.feasibility import Feasibility
@@ -22,17 +26,16 @@ from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, 
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import ToppledError, check_possible
 from sain_sim.arm.client import Closeable
-from sain_sim.arm.motion import TIME_STEP, ControlledArm, Joints, Kinematics
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET
 
+TIME_STEP: Final = 1 / 240  # [s], of control
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
 FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
 MOST_LEAN: Final = radians(3.0)  # [rad], of a body that stands
 MOST_LIFT: Final = 0.003  # [m], of the middle of a body that stands, up or down
-ASIDE: Final = (0.03, -0.35)  # [m], above where it hides no body from a camera in front of it
-HOME: Final = (0.35, 0.0)  # [m], above where the tool waits for the first push
+ASIDE: Final = -1.5  # [rad], of the first joint at home, where the arm hides no body from a camera
 SETTLING: Final = 3.0  # [s], longest wait for disks to settle
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
@@ -41,6 +44,9 @@ STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 class WorldConfig(Config):
     """How a world is simulated; `WorldParameters` states what is in it."""
 
+    robot: str = option(
+        "paper_panda", "YAML file of the robot that pushes, or the name of a shipped one"
+    )
     motion: MotionConfig = MotionConfig(tip_height=0.008, clearance=0.048)
     feasibility: Feasibility = Feasibility()
     wait_aside: bool = option(
@@ -50,10 +56,22 @@ class WorldConfig(Config):
         False, "show the arm's ways out of contact too; they take simulated time"
     )
 
+    @cached_property
+    def arm(self) -> Robot:
+        """The robot that pushes.
+
+        Raises:
+            ConfigError: its file is not there, or wrong.
+        """
+        return read_robot(self.robot)
+
     @property
-    def kinematics(self) -> Kinematics:
-        """The arm's kinematics, its base below the table top."""
-        return Kinematics(-self.feasibility.table.height)
+    def rise(self) -> float:
+        """From the tool's tip up to where it touches bodies, at half their height [m]."""
+        return DISK_HEIGHT / 2 - self.motion.tip_height
+
+
+Tip = Float[ndarray, "3"]  # of the tool [m], in the world
 
 
 def steps_of(duration: float) -> int:
@@ -67,8 +85,8 @@ class Sample:
 
     Attributes:
         time: simulated time [s]; it never goes back, not even at a reset.
-        joint_positions: (7,) [rad].
-        joint_velocities: (7,) [rad/s].
+        joint_positions: (J,) [rad].
+        joint_velocities: (J,) [rad/s].
         tool: the place of the tip, (3,) [m].
         commanded_tool: the commanded place of the tip, (3,) [m].
         scene: the disks, (N, 8).
@@ -76,10 +94,10 @@ class Sample:
     """
 
     time: float
-    joint_positions: Float[ndarray, "7"]
-    joint_velocities: Float[ndarray, "7"]
-    tool: Float[ndarray, "3"]
-    commanded_tool: Float[ndarray, "3"]
+    joint_positions: Vector
+    joint_velocities: Vector
+    tool: Tip
+    commanded_tool: Tip
     scene: Scene
     phase: str
 
@@ -88,12 +106,18 @@ Observer = Callable[[Sample], None]
 
 
 class Route(NamedTuple):
-    """Joint angles (T, 7) of every part of a push, computed before the arm moves."""
+    """Joints (T, J) after each control step of every part of a push, before the arm moves."""
 
-    approach: Joints
-    lower: Joints
+    approach: Joints  # shown and not simulated, as `lift`; without it the arm jumps
     stroke: Joints
     lift: Joints
+
+    @classmethod
+    def of(cls, plan: PushPlan, approach: Joints) -> "Route":
+        """Return the steps of a plan behind an approach."""
+        joints = plan.stroke.sampled(TIME_STEP)
+        lifts = steps_of(plan.lifts)
+        return cls(approach, joints[: lifts + 1], joints[lifts:])
 
 
 class Watch(NamedTuple):
@@ -108,11 +132,68 @@ class CellState(NamedTuple):
 
     Attributes:
         states: of the bodies, as the engine has them.
-        joints: of the arm, (7,) [rad].
+        joints: of the arm, (J,) [rad].
     """
 
     states: Any
-    joints: Joints
+    joints: Vector
+
+
+class ControlledArm(ABC):
+    """A robot's arm in an engine. Each command holds for one control step."""
+
+    def __init__(self, model: ArmModel) -> None:
+        """Control an arm whose kinematics a model has."""
+        self.model = model
+        self.target = model.robot.home
+
+    @abstractmethod
+    def put(self, joints: Vector) -> None:
+        """Set the joints to (J,) at once, at rest."""
+
+    @abstractmethod
+    def command(self, joints: list[float], speeds: list[float]) -> None:
+        """Command positions of now (J) [rad], and speeds (J) that lead to the next ones."""
+
+    @abstractmethod
+    def joint_states(self) -> tuple[Vector, Vector]:
+        """Return the joints' positions (J,) [rad] and speeds (J,) [rad/s]."""
+
+    def place(self, joints: Vector) -> None:
+        """Set the arm to joints (J,) at once, at rest, and hold it there."""
+        self.put(joints)
+        self.hold(joints)
+
+    def hold(self, joints: Vector) -> None:
+        """Command the arm to rest at joints (J,)."""
+        self.command(joints.tolist(), [0.0] * len(joints))
+        self.target = joints
+
+    def follow(self, joints: Joints) -> Iterator[int]:
+        """Command one step towards each of joints (T, J) after the first; the caller steps.
+
+        The motors get the position of now and the speed that leads to the next: a feed-forward
+        that leaves the gain only disturbances to undo.
+        """
+        speeds = np.diff(joints, axis=0) / TIME_STEP  # (T - 1, J)
+        commands = zip(joints[:-1].tolist(), speeds.tolist(), strict=True)
+        for step, command in enumerate(commands):
+            self.command(*command)
+            self.target = joints[step + 1]
+            yield step
+        self.hold(joints[-1])
+
+    def tip(self) -> Tip:
+        """Return where the hand holds the tool's tip, (3,) [m]."""
+        return self.model.tip(self.joint_states()[0])
+
+    def tool(self) -> Tip:
+        """Return where the tool's tip is, (3,) [m]."""
+        return self.tip()
+
+    def commanded_tip(self) -> Tip:
+        """Return where the tool's tip was last commanded to be, (3,) [m]."""
+        return self.model.tip(self.target)
 
 
 class Workcell(ABC):
@@ -215,7 +296,7 @@ class Workcell(ABC):
     def perform(self, route: Route, watch: Watch | None, pushed: int | None) -> None:
         """Push and wait until the disks are still; show the arm's ways through the air, if wished.
 
-        The tool waits where the push ended. Its ways through the air are shown and not simulated:
+        The tool withdraws and waits beside the body. Its ways through the air are shown and not simulated:
         the disks end in the same bytes with and without them.
 
         Raises:
@@ -227,7 +308,7 @@ class Workcell(ABC):
         if self._parameters.roughness.noise != QUIET:
             self.disturb(self.scene(self.origin.states).tobytes() + route.stroke.tobytes())
         if self._config.full_motion:
-            self._show(np.concatenate([route.approach, route.lower]), "approach", watch)
+            self._show(route.approach, "approach", watch)
         self.arm.place(route.stroke[0])
         self._follow(route.stroke, "push", watch, pushed)
         self.settle("settle", watch, pushed)
@@ -252,6 +333,12 @@ class Workcell(ABC):
                 " high"
             )
 
+    def step(self, positions: Vector, velocities: Vector) -> None:
+        """Make one control step towards positions (J,), with velocities (J,), whatever touches."""
+        self.arm.command(positions.tolist(), velocities.tolist())
+        self.arm.target = positions
+        self._step("rest", None, None)
+
     def settle(self, phase: str, watch: Watch | None, pushed: int | None) -> None:
         """Step until two tests in a row find the disks settled, or for the longest wait."""
         looks = 0
@@ -272,7 +359,7 @@ class Workcell(ABC):
         for place, speed in zip(joints[1:], speeds, strict=True):
             self.steps += 1
             if watch is not None and self.steps % watch.every == 0:
-                tip = self.arm.kinematics.tips(place)
+                tip = self.arm.model.tip(place)
                 moved = {"joint_positions": place, "joint_velocities": speed}
                 sample = replace(self.sample(phase), **moved, tool=tip, commanded_tool=tip)
                 watch.observer(sample)
@@ -306,8 +393,8 @@ class Simulation(Closeable):
     def __init__(self, config: WorldConfig) -> None:
         """Start an engine for worlds of this configuration."""
         self.config = config
-        place = ASIDE if config.wait_aside else HOME
-        self.home = config.kinematics.joints(np.array([*place, config.motion.raised]))
+        self.planner = PushPlanner(config.arm, config=config.motion)
+        self.home = config.arm.aside(ASIDE) if config.wait_aside else config.arm.home
 
     @abstractmethod
     def resting(self, scene: Scene, parameters: WorldParameters) -> Any:

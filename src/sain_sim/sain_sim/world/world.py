@@ -4,24 +4,24 @@ A push becomes one `Stroke` of the tool, which is checked once, at this door, an
 """
 
 from abc import abstractmethod
-from itertools import accumulate
 from typing import Final, Self
 
 import numpy as np
 
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.robot.robot import Robot, Vector
 from sain_core.errors import BlockedError, InvalidInputError
 from sain_core.feasibility import Stroke, checked_stroke
 from sain_core.scene import MASS, RADIUS
-from sain_core.shapes.bodies import check_bodies
+from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.arm.client import Closeable
-from sain_sim.arm.motion import TIME_STEP, arc, line, stroke_tips
 from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, check_stands, on_a_grid
 from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import (
-    ASIDE,
+    TIME_STEP,
     CellState,
     Observer,
     Route,
@@ -180,6 +180,8 @@ class World(CheckedWorld):
         self.parameters = parameters
         table = config.feasibility.table
         self._simulation: Simulation = simulation_class(engine)(config)
+        self._planner = self._simulation.planner
+        self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self._steps = 0
         self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
 
@@ -243,7 +245,7 @@ class World(CheckedWorld):
             UnreachableError: a pose on the way.
             BlockedError: only if it is guarded.
         """
-        route = self._route(stroke)
+        route = self._route(stroke, guarded)
         pushed = stroke.body if guarded else None
         before, origin = self.observe(), self._cell.now
         if guarded and watch is not None:  # look ahead
@@ -273,24 +275,55 @@ class World(CheckedWorld):
         self._steps = self._cell.steps
         return self._cell.still()
 
-    def _route(self, stroke: Stroke) -> Route:
-        """Return the joints along a push, or raise `UnreachableError`."""
-        motion, arm = self.config.motion, self._cell.arm
-        tips = stroke_tips(motion, stroke.start, stroke.end, stroke.speed)
-        above_start, above_end = (np.array([*tip[:2], motion.raised]) for tip in tips[[0, -1]])
-        if self.config.full_motion:
-            approach = arc(motion, arm.tip(), above_start)
-            lower, lift = line(motion, above_start, tips[0]), line(motion, tips[-1], above_end)
-        else:  # an arm that reaches both ends of these ways reaches all of them
-            approach, lower, lift = above_start[None], tips[:1], above_end[None]
-        if self.config.wait_aside:
-            home = np.array([*ASIDE, motion.raised])
-            back = arc(motion, above_end, home) if self.config.full_motion else home[None]
-            lift = np.concatenate([lift, back])
-        ways = (approach, lower, tips, lift)
-        joints = arm.kinematics.joints(np.concatenate(ways))
-        ends = accumulate(len(way) for way in ways)
-        return Route(*(joints[end - len(way) : end] for way, end in zip(ways, ends, strict=True)))
+    @property
+    def robot(self) -> Robot:
+        """The robot that pushes."""
+        return self.config.arm
+
+    def joint_states(self) -> tuple[Vector, Vector]:
+        """Return the arm's positions (J,) [rad] and speeds (J,) [rad/s]."""
+        return self._cell.arm.joint_states()
+
+    def step(self, positions: Vector, velocities: Vector) -> None:
+        """Make one control step with servos towards positions (J,) and velocities (J,).
+
+        Whatever touches is pushed: this is for who has a clock and a plan of its own.
+        """
+        self._cell.step(positions, velocities)
+        self._steps = self._cell.steps
+
+    def plan(self, stroke: Stroke) -> PushPlan:
+        """Return the motion of the arm for a stroke from here, checked as a whole.
+
+        It depends on scene and stroke alone, and so does its approach, which is the lowering.
+
+        Raises:
+            UnreachableError: a pose or a speed that the arm cannot take.
+            BlockedError: a link would touch a body, or the tool another one.
+        """
+        bodies, radii = self.parameters.bodies, self.parameters.radii
+        if self._planned_for != (bodies, radii):
+            self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)
+            self._planned_for = bodies, radii
+        return self._planner.plan(stroke, self.observe(), None)
+
+    def _route(self, stroke: Stroke, guarded: bool) -> Route:
+        """Return the joints along a push; raises as `plan`, unguarded for poses and speeds."""
+        simulation, scene = self._simulation, self.observe()
+        planner = simulation.planner
+        plan = self.plan(stroke) if guarded else planner.plan(stroke, scene, None)
+        if not self.config.full_motion:
+            route = Route.of(plan, plan.approach.positions[-1:])
+            back = simulation.home[None]
+        else:
+            if guarded:
+                planner = self._planner
+            way = planner.approach(plan, self._cell.arm.joint_states()[0])
+            route = Route.of(plan, way.sampled(TIME_STEP))
+            back = planner.travel(route.lift[-1], simulation.home).sampled(TIME_STEP)
+        if not self.config.wait_aside:
+            return route
+        return route._replace(lift=np.concatenate([route.lift, back]))
 
     def close(self) -> None:
         """Close the world; a second call does nothing."""
