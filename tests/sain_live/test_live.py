@@ -16,7 +16,7 @@ def test_the_live_page_is_part_of_its_graph(tmp_path):
     assert commands["page"][0] == str(executable("sain_live", "page_node"))
     given = {"host:=127.0.0.1", "port:=8123", "seed:=4", "scenario:=box", "__ns:=/sain"}
     assert given <= set(commands["page"])
-    simulator = {"world:=rough", "real_time_factor:=2.0", "bullet.full_motion:=true"}
+    simulator = {"world:=rough", "real_time_factor:=2.0", "cell.full_motion:=true"}
     assert simulator <= set(commands["simulator"])
     assert "page" not in graph_commands(GraphOptions(), [], tmp_path)
 

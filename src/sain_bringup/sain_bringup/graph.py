@@ -252,7 +252,7 @@ def _simulator(options: GraphOptions) -> dict[str, str]:
     if options.bottom != FEET:
         given["bottom"] = options.bottom
     if options.images:
-        given |= {"scenes": "false", "bullet.wait_aside": "true"}
+        given |= {"scenes": "false", "cell.wait_aside": "true"}
         given |= DEPTH_IMAGES if options.images == OUTLINES else {}
     else:
         given |= _named("camera", options.observed)

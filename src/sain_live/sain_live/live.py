@@ -40,7 +40,7 @@ class LiveOptions(GraphOptions):
 
     def simulator(self) -> dict[str, str]:
         """Have the arm move all the way, as fast as is asked for."""
-        pace = {"bullet.full_motion": "true", "real_time_factor": str(self.real_time_factor)}
+        pace = {"cell.full_motion": "true", "real_time_factor": str(self.real_time_factor)}
         return {**pace, "world": self.world}
 
     def own_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:

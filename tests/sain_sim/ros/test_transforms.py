@@ -9,10 +9,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.robot import read_robot
+from sain_arm.robot.urdf import TIP
 from sain_core import wire
 from sain_core.scene import DISK_HEIGHT, THETA
-from sain_sim.arm.motion import Kinematics
-from sain_sim.arm.panda import JOINT_NAMES
 from sain_sim.ros.sim_node import SimNode
 from tests.tf import Buffer
 
@@ -78,7 +79,7 @@ def test_every_link_of_the_description_has_a_place_in_the_world(graph, viewer):
         assert viewer.pose(link.get("name")).shape == (4, 4)
     moving = [j.get("name") for j in robot.findall("joint") if j.get("type") != "fixed"]
     graph.wait(lambda: viewer.joints, "the joints")
-    assert moving == list(viewer.joints[-1].name) == list(JOINT_NAMES)
+    assert moving == list(viewer.joints[-1].name) == list(read_robot("paper_panda").joints)
 
 
 def test_frames_follow_a_push_from_scene_to_scene(graph, viewer):
@@ -87,11 +88,11 @@ def test_frames_follow_a_push_from_scene_to_scene(graph, viewer):
     graph.push(scene, 7, (0.2, -0.1, 0.12))
     after = graph.result(7).after
     graph.wait(lambda: viewer.sees(after), "the bodies after the push")
-    kinematics = Kinematics(viewer.pose("panda_link0")[2, 3])
+    arm = ArmModel(read_robot("paper_panda"))
 
     def agree():  # the arm may still be on its way home, and the topics come one after the other
-        tip = kinematics.tips(np.array(viewer.joints[-1].position))
-        return np.allclose(viewer.pose("panda_tool")[:3, 3], tip, atol=1e-6)
+        tip = arm.tip(np.array(viewer.joints[-1].position))
+        return np.allclose(viewer.pose(TIP)[:3, 3], tip, atol=1e-6)
 
     graph.wait(agree, "a tool where the joints have it")
     assert not viewer.buffer.problems
@@ -106,4 +107,4 @@ def test_frames_of_another_graph_have_a_prefix(graph, given, prefix):
     viewer = Viewer(graph, "/lab/robot_description")
     graph.wait(lambda: f"{prefix}body_0" in viewer.frames, "bodies")
     assert {name[: len(prefix)] for name in viewer.frames} == {prefix}
-    assert np.isfinite(viewer.pose(f"{prefix}panda_tool")).all()
+    assert np.isfinite(viewer.pose(prefix + TIP)).all()

@@ -141,6 +141,12 @@ class ArmModel:
         turn = turns[within].T @ turns[body]
         return turns[within].T @ (places[body] - places[within]), Rotation.from_matrix(turn)
 
+    def frames(self, joints: Vector) -> dict[str, tuple[ndarray, ndarray]]:
+        """Return place (3,) [m] and turn (w, x, y, z) of each link in the world, by its name."""
+        self.set_joints(joints)
+        links = [(n, name) for n, name in enumerate(self._names) if n and BODY not in name]
+        return {name: (self.data.xpos[n].copy(), self.data.xquat[n].copy()) for n, name in links}
+
     def skeleton(self, joints: Vector) -> list[ndarray]:
         """Return the places (3,) [m] of the links from the base to the tip."""
         self.set_joints(joints)

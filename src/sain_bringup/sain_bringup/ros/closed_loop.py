@@ -114,7 +114,7 @@ class ClosedLoopOptions(GraphOptions):
 
     def simulator(self) -> dict[str, str]:
         """Have the arm move all the way, for whom watches the recording."""
-        return {"bullet.full_motion": "true"}
+        return {"cell.full_motion": "true"}
 
 
 def describe(options: ClosedLoopOptions) -> str:

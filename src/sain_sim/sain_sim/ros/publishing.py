@@ -12,6 +12,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
+from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.urdf import ROOT, visible
 from sain_core.camera.image_camera import Shot
 from sain_core.errors import SainError
 from sain_core.guarding.ros.reception import shortened
@@ -29,7 +31,6 @@ from sain_core.view.things import Thing
 from sain_interfaces.msg import Bodies, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
-from sain_sim.arm.panda import BASE_FRAME, JOINT_NAMES, Link, describe_arm, links_of
 from sain_sim.ros.simulator import Simulator
 from sain_sim.world.workcell import Sample, WorldConfig
 
@@ -41,13 +42,9 @@ class Transforms:
 
     def __init__(self, node: Node, config: WorldConfig, frame_prefix: str) -> None:
         """Describe the arm and its fixed frames, to whoever joins."""
-        limits, kinematics = config.feasibility.limits, config.kinematics
         self._prefix = frame_prefix
-        self._description = describe_arm(limits.tool_radius)
-        links = links_of(self._description)
-        self._links = [link for link in links if link.moves]
-        self._fixed = [link for link in links if not link.moves]
-        self._base_height = kinematics.base_height
+        self._arm = ArmModel(config.arm)
+        self._description = visible(config.arm.description)
         self._said = node.create_publisher(String, "robot_description", LATCHED)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         self._moving = node.create_publisher(TFMessage, "/tf", TRANSFORMS)
@@ -57,11 +54,9 @@ class Transforms:
     def describe(self, stamp: Time, camera: TransformStamped) -> None:
         """Publish the arm's description, and the frames that never move, with a camera's."""
         self._said.publish(String(data=self._description))
-        base = Vector3(z=self._base_height)
-        fixed = [self._transform(codec.WORLD_FRAME, self._prefix + BASE_FRAME, base, stamp)]
-        fixed += [self._link(link, 0.0, stamp) for link in self._fixed]
-        fixed.append(camera)  # in one message: late subscribers with a short queue hear only one
-        self._static.publish(TFMessage(transforms=fixed))
+        root = self._transform(ROOT, Vector3(), Quaternion(w=1.0), stamp)
+        # In one message: late subscribers with a short queue hear only one.
+        self._static.publish(TFMessage(transforms=[root, camera]))
 
     def publish(self, sample: Sample, now_ns: int) -> None:
         """Publish where links and bodies are at a time [ns]; nothing where that is known."""
@@ -73,31 +68,24 @@ class Transforms:
         # Time may stand still between two scenes, and tf2 takes one pose of a frame at a time.
         self._last, self._stamp_ns = state, max(now_ns, self._stamp_ns + 1)
         stamp = codec.encode_time(self._stamp_ns)
-        angles = sample.joint_positions.tolist()
-        moving = [
-            self._link(link, angle, stamp) for link, angle in zip(self._links, angles, strict=True)
-        ]
+        moving = []
+        for name, (place, turn) in self._arm.frames(sample.joint_positions).items():
+            (x, y, z), (w, a, b, c) = place.tolist(), turn.tolist()
+            spot = Vector3(x=x, y=y, z=z)
+            moving.append(self._transform(name, spot, Quaternion(x=a, y=b, z=c, w=w), stamp))
         for body, (x, y, theta) in enumerate(poses.tolist()):
-            frame = self._prefix + BODY_FRAME.format(body)
-            place = Vector3(x=x, y=y, z=DISK_HEIGHT / 2)
-            turn = Quaternion(z=sin(theta / 2), w=cos(theta / 2))
-            moving.append(self._transform(codec.WORLD_FRAME, frame, place, stamp, turn))
+            spot = Vector3(x=x, y=y, z=DISK_HEIGHT / 2)
+            turned = Quaternion(z=sin(theta / 2), w=cos(theta / 2))
+            moving.append(self._transform(BODY_FRAME.format(body), spot, turned, stamp))
         self._moving.publish(TFMessage(transforms=moving))
 
-    def _link(self, link: Link, angle: float, stamp: Time) -> TransformStamped:
-        (x, y, z), (a, b, c, d) = link.origin, link.turned(angle)
-        place, turn = Vector3(x=x, y=y, z=z), Quaternion(x=a, y=b, z=c, w=d)
-        parent, child = self._prefix + link.parent, self._prefix + link.child
-        return self._transform(parent, child, place, stamp, turn)
-
-    @staticmethod
     def _transform(
-        parent: str, child: str, place: Vector3, stamp: Time, turn: Quaternion | None = None
+        self, frame: str, place: Vector3, turn: Quaternion, stamp: Time
     ) -> TransformStamped:
-        made = TransformStamped(header=codec.header(stamp), child_frame_id=child)
-        made.header.frame_id = parent
-        made.transform.translation = place
-        made.transform.rotation = turn or Quaternion(w=1.0)
+        """Return a frame's pose in the world."""
+        made = TransformStamped(header=codec.header(stamp), child_frame_id=self._prefix + frame)
+        made.header.frame_id = codec.WORLD_FRAME
+        made.transform.translation, made.transform.rotation = place, turn
         return made
 
 
@@ -135,7 +123,7 @@ class Publishing:
         self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
         config = simulator.config
         prefix = frame_prefix(node, config.frame_prefix)
-        self._transforms = Transforms(node, config.bullet, prefix)
+        self._transforms = Transforms(node, config.cell, prefix)
         self.images = CameraTopics(node, config.images, prefix)
         self._transforms.describe(self.now(), self.images.transform(self.now()))
         self._next_shot = 0.0  # [s], simulated
@@ -222,12 +210,12 @@ class Publishing:
         """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
         self.tick()
         stamp = scene.header.stamp
-        joints = JointState(header=codec.header(stamp), name=list(JOINT_NAMES))
+        joints = JointState(header=codec.header(stamp), name=list(self._simulator.config.cell.arm.joints))
         joints.position = codec.encode_floats(sample.joint_positions)
         joints.velocity = codec.encode_floats(sample.joint_velocities)
         self._joints.publish(joints)
         self._transforms.publish(sample, self._simulator.pacer.now_ns)
-        table = self._simulator.config.bullet.feasibility.table
+        table = self._simulator.config.cell.feasibility.table
         bodies = self._simulator.parameters.bodies
         things: list[Thing] = [table_top(table), *bodies_in(sample.scene, bodies)]
         tool = tool_marker(sample.tool.tolist(), stamp)

@@ -65,7 +65,7 @@ class SimulatorConfig(TruthConfig):
         choices=("disabled", "metadata", "contents"),
     )
     state_file: str = option("", "file to resume from after a crash; empty: none")
-    bullet: WorldConfig = WorldConfig()
+    cell: WorldConfig = WorldConfig()
     scenes: bool = option(
         True, "publish `scene` and `shapes`; false: a node that sees the bodies publishes them"
     )
@@ -80,9 +80,9 @@ class Simulator:
         """Make the worlds; `reset` starts an episode."""
         self.config = config
         self.pacer = pacer
-        self.world = open_world(nominal_parameters(), config.bullet, config.engine)
+        self.world = open_world(nominal_parameters(), config.cell, config.engine)
         self.window: Window | None = None
-        self.shadow = BulletPrior("nominal", config.bullet) if config.shadow else None
+        self.shadow = BulletPrior("nominal", config.cell) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
         self.camera_timer: CameraTimer | None = None
         self._images: ImageCamera | None = None
@@ -200,7 +200,7 @@ class Simulator:
     @property
     def _looks(self) -> tuple[Robot, Bodies, tuple[float, ...], Table]:
         """What a camera sees."""
-        parameters, table = self.parameters, self.config.bullet.feasibility.table
+        parameters, table = self.parameters, self.config.cell.feasibility.table
         return paper_arm(), parameters.bodies, parameters.radii, table
 
     def _open_window(self) -> None:
