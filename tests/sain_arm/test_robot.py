@@ -350,7 +350,9 @@ def test_an_arm_that_reaches_nothing_says_so(tmp_path):
 
 
 def test_a_robot_that_is_not_shipped_is_named_with_those_that_are():
-    with pytest.raises(ConfigError, match="shipped are panda, so101, ur5, xarm7"):
+    with pytest.raises(
+        ConfigError, match="shipped are free_tool, panda, paper_panda, so101, ur5, xarm7"
+    ):
         read_robot("ur6")
     with pytest.raises(ConfigError, match="robot is empty"):
         read_robot("")

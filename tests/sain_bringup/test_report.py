@@ -22,7 +22,7 @@ from sain_core.scene import make_scene, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_core.workers import Work
-from sain_sim.camera.renderer import paper_arm
+from sain_sim.world.workcell import WorldConfig
 
 GOAL = np.array([0.60, 0.0])
 
@@ -104,7 +104,7 @@ def in_this_process(work: Work, jobs: list, size: int) -> Iterator[object]:
 
 def test_the_gif_moves_and_ends_with_a_pause(monkeypatch):
     monkeypatch.setattr(movie, "start_processes", in_this_process)
-    robot, ring = paper_arm(), GOAL + 0.08 * unit(np.linspace(0.0, 6.2, 72))
+    robot, ring = WorldConfig().arm, GOAL + 0.08 * unit(np.linspace(0.0, 6.2, 72))
     scenery = Scenery(robot, Bodies.disks(2), (0.08, 0.06), ring, "paper 4")
     frames = list(chain(*start_film(scenery, moments(5, 0.1), processes=2)))
     with Image.open(BytesIO(encode_gif(frames))) as shown:

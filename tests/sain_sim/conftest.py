@@ -1,5 +1,3 @@
-from importlib.util import find_spec
-
 import numpy as np
 import pytest
 
@@ -64,10 +62,7 @@ def bench():
     return Bench()
 
 
-NEEDS_MUJOCO = pytest.mark.skipif(find_spec("mujoco") is None, reason="MuJoCo is not installed")
-
-
-@pytest.fixture(params=[BULLET, pytest.param(MUJOCO, marks=NEEDS_MUJOCO)])
+@pytest.fixture(params=[BULLET, MUJOCO])
 def engine(request):
     """Each engine in turn, for what is true of any world."""
     return request.param

@@ -16,8 +16,7 @@ from tests.workspace.source_tree import PYPROJECT
 VERSION = PYPROJECT["project"]["version"]
 # What `pip install .` does not bring: ROS 2, the graph's packages and the extras.
 NOT_INSTALLED = (
-    "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "mink",
-    "mujoco", "daqp", "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot",
+    "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot",
     "gym_pusht", "ray", "tensorboardX", "torch",
 )  # fmt: skip
 
@@ -133,8 +132,6 @@ def test_what_cannot_be_is_said(arguments, code, text, tmp_path):
 @pytest.mark.parametrize(
     ("absent", "arguments", "brings"),
     [
-        ("mink", ["arm_node", "--ros-args", "-p", "robot:=ur5"], "pip install '.[arm]'"),
-        ("mink", ["laboratory", "--robot", "ur5"], "pip install '.[arm]'"),
         ("viser", ["page_node"], "pip install viser websockets"),
         ("vision_msgs", ["scene_node"], "./env --with robots true"),
     ],

@@ -23,7 +23,7 @@ from sain_core.scene import RADIUS, unit
 from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
-from sain_sim.camera.renderer import paper_arm
+from sain_sim.world.workcell import WorldConfig
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
 CORNERS: Final = 72  # of a ring
@@ -210,6 +210,6 @@ def begin_film(bag: Bag, one: PlayedEpisode) -> Generator[list[Image.Image], Non
     # The body has reached its place when it lies wholly inside the ring.
     ring = (mark.body.radius + mark.tolerance) * unit(np.linspace(0.0, 2 * np.pi, CORNERS))
     goal = mark.body.outline if mark.body.marked else mark.body.place + ring
-    robot = paper_arm()
+    robot = WorldConfig().arm
     scenery = Scenery(robot, bodies, tuple(start[:, RADIUS].tolist()), goal, one.title)
     return start_film(scenery, choose_moments(episode_moments(bag, one.episode)))

@@ -36,5 +36,5 @@ def test_jacobians_are_dense_and_accelerations_those_of_few_bodies():
 
     _, world = pushed(np.concatenate([NEAR, FAR]))
     config = world.config
-    model = describe_world(config, world.parameters, world._simulation.home)
+    model = describe_world(config, world.parameters)
     assert model.nv > 60 and model.opt.jacobian == DENSE

@@ -12,7 +12,6 @@ from sain_core.feasibility import Stroke
 from sain_core.scene import DISK_HEIGHT, MID, TARGET, X
 from sain_core.shapes.bodies import Role
 from sain_core.world import DivergedError
-from sain_sim.arm.panda import TORQUE_SCALE
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.truth import TruthConfig
@@ -21,7 +20,7 @@ from sain_sim.world.world import World
 
 pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 
-from sain_sim.engines.mujoco_description import PHYSICS_STEPS, SERVO_STIFFNESS
+from sain_sim.engines.mujoco_description import PHYSICS_STEPS
 
 NOMINAL = nominal_parameters()
 LIMIT = 1e-3  # [m]
@@ -37,9 +36,7 @@ def test_numbers_are_those_of_the_sources(cell_world):
     model = cell_world._cell._model
     assert model.opt.timestep * PHYSICS_STEPS == pytest.approx(1 / 240)
     assert model.opt.timestep <= 0.002
-    scale = TORQUE_SCALE
-    assert np.allclose(model.actuator_forcerange[:, 1], scale * np.array([87] * 4 + [12] * 3))
-    assert np.allclose(model.actuator_gainprm[:, 0], scale * SERVO_STIFFNESS)
+    assert [model.actuator(n).trnid[0] for n in range(model.nu)] == list(range(7))
     assert np.allclose(model.opt.gravity, [0.0, 0.0, -GRAVITY])
     assert model.body("body0").mass[0] == NOMINAL.masses[0]
     inertia = NOMINAL.body_shapes[0].inertia(NOMINAL.masses[0], NOMINAL.radii[0])

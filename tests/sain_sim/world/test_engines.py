@@ -9,10 +9,7 @@ from sain_sim.world import engines
 from sain_sim.world.engines import BULLET, ENGINES, MUJOCO, check_engine
 from sain_sim.world.truth import ROUGH, TruthConfig, check_effects, effects_of
 
-MISSING = (
-    "engine mujoco needs the package mujoco, which is not installed:"
-    ' pip install ".[mujoco]" in the checkout, or pip install mujoco'
-)
+MISSING = "engine mujoco needs the package mujoco, which is not installed: pip install mujoco"
 
 
 @pytest.fixture

@@ -57,7 +57,7 @@ def test_out_of_reach_is_refused_as_unreachable(world):
 
 @pytest.mark.parametrize("config", [WorldConfig(), WorldConfig(full_motion=True)])
 def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, bench, engine):
-    """The look ahead that no static check can replace: here the stroke runs into the target."""
+    """The look ahead that no static check can replace: here none has seen the target."""
     start = bench.touching(bearing=pi / 2)
     into_target = Stroke(np.array([0.30, 0.14]), np.array([0.44, 0.14]), 0.0)
     worlds = (World(nominal_parameters(), config, engine=engine) for _ in range(2))
@@ -66,6 +66,9 @@ def test_a_tool_that_meets_another_disk_goes_back_and_leaves_no_trace(config, be
             each.reset(start)
             each.push(bench.straight)
         before, joints, time = world.observe(), world.sample().joint_positions, world.time
+        with pytest.raises(BlockedError, match="the tool would touch body 1 on its way"):
+            world.carry_out(into_target)
+        world._planner = world._simulation.planner  # of an empty table
         seen = []
         for watch in (None, Watch(seen.append, 1)):
             with pytest.raises(BlockedError) as caught:

@@ -164,7 +164,7 @@ def test_the_tool_goes_where_the_body_is_taken_to_be(world):
             seen[MID, Y] += shift
         after.append(world.push(PUSH, seen=seen).after)
     exact, straight, aside = after
-    np.testing.assert_allclose(straight, exact, atol=1e-3)  # a longer run-up, no more
+    np.testing.assert_allclose(straight, exact, atol=2e-3)  # a longer run-up, no more
     assert aside[TARGET, Y] < straight[TARGET, Y] - 1e-3  # pushed on its left, it goes right
 
 

@@ -28,6 +28,7 @@ JUMP: Final = 0.35  # [rad], of a joint between two points of a way: more is ano
 POSTURE_COST: Final = 1e-3  # of an angle away from home; 1 is that of a metre
 TILT_COST: Final = 0.3
 DAMPING: Final = 1e-7
+SOFT: Final = DAMPING * np.eye(5)
 
 
 class Kinematics:
@@ -76,7 +77,6 @@ class Kinematics:
     def _newton(self, joints: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector | None:
         """Return the same, or None: the way there leads to a limit, or is long."""
         arm, robot = self.arm, self.arm.robot
-        rest = (POSTURE_COST**2 + DAMPING) * np.eye(len(joints))
         for step in range(steps):
             place, (x, y, _) = arm.tip(joints), arm.axis()
             lean = np.array([-y, x])  # the turn [rad] that brings the tool upright, where small
@@ -84,9 +84,10 @@ class Kinematics:
                 return joints
             rates = arm.jacobian()[:5]
             rates[3:] *= TILT_COST
-            wanted = rates.T @ np.concatenate([tip - place, TILT_COST * lean])
-            wanted += POSTURE_COST**2 * (robot.home - joints)
-            joints = joints + _shortened(np.linalg.solve(rates.T @ rates + rest, wanted))
+            homewards = robot.home - joints  # as far as it moves nothing of the tool
+            rest = np.concatenate([tip - place, TILT_COST * lean]) - rates @ homewards
+            way = homewards + rates.T @ np.linalg.solve(rates @ rates.T + SOFT, rest)
+            joints = joints + _shortened(way)
             if (joints < robot.lower).any() or (joints > robot.upper).any():
                 return None
         return None

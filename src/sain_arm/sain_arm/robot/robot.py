@@ -45,7 +45,11 @@ KEYS: Final = {
     "workspace": ("x", "y", "z"),
     "reach": ("inner", "outer", "bearing"),
 }
-NEEDED: Final = {"": ("urdf", "tool", "controller", "home"), "tool": ("frame", "radius"), "reach": ("inner", "outer")}
+NEEDED: Final = {
+    "": ("urdf", "tool", "controller", "home"),
+    "tool": ("frame", "radius"),
+    "reach": ("inner", "outer"),
+}
 LONGEST_TEXT: Final = 4096  # characters, as the longest path
 FAR: Final = 10.0  # [m]
 LOWEST: Final = 1.0  # [m], of a base below the table top

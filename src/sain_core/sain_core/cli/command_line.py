@@ -66,7 +66,6 @@ def _reader_is_gone() -> bool:
 LONGEST: Final = 4000  # characters of an error
 BRINGS: Final = {  # packages that `pip install .` or a ROS 2 does not have, and what does
     **dict.fromkeys(("control_msgs", "vision_msgs"), "./env --with robots true builds it"),
-    **dict.fromkeys(("daqp", "mink", "mujoco"), "pip install '.[arm]' in the checkout brings it"),
     **dict.fromkeys(("viser", "websockets"), "pip install viser websockets brings it"),
 }
 WRONG_USAGE: Final = 2  # exit code after an argument that is not allowed

@@ -15,7 +15,7 @@ from jaxtyping import Bool, Float, Int, UInt8
 from numpy import ndarray
 
 from sain_arm.robot.arm_model import BODY, compiled, robot_spec, solid_geoms
-from sain_arm.robot.robot import Robot, Vector, read_robot
+from sain_arm.robot.robot import Robot, Vector
 from sain_arm.robot.silhouette import Places, Silhouettes
 from sain_arm.robot.urdf import ROD
 from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
@@ -278,18 +278,3 @@ def image_camera(
         size = config.tag_size
         tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(bodies))]
     return ImageCamera(config, Renderer(robot, bodies, radii, config, table), tags)
-
-
-def paper_arm() -> Robot:
-    """Return the Panda of the simulated cells: its base below the table top, with a longer rod."""
-    robot, rod = read_robot("panda"), 0.1166  # [m], from the hand's TCP to the tip of the stick
-    changes = {
-        '<origin xyz="0.0 0.0 0.0" rpy="0 0 0.0"': f'<origin xyz="0 0 {-Table().height}"',
-        '<origin xyz="0 0 0.05"': f'<origin xyz="0 0 {rod / 2}"',
-        '<origin xyz="0 0 0.1"': f'<origin xyz="0 0 {rod}"',
-        'length="0.1"': f'length="{rod}"',
-    }
-    description = robot.description
-    for before, after in changes.items():
-        description = description.replace(before, after)
-    return replace(robot, description=description)

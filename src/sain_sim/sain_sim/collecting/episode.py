@@ -38,7 +38,7 @@ from sain_sim.world.parameters import (
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.start import draw_bodies_start, draw_start, wholly_on
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
-from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.workcell import FREE_TOOL, WorldConfig
 
 AIMED: Final = 0.6  # share of pushes aimed through the target
 AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
@@ -183,7 +183,8 @@ class EpisodeRunner:
         """Build the worlds for episodes of a collection with this seed."""
         self._seed = seed
         self._config = config
-        self._world_config = WorldConfig()
+        # A tool without an arm ends pushes as one with it, in half the time.
+        self._world_config = WorldConfig(robot=FREE_TOOL)
         circle = draw_outline_push if config.shapes else draw_circle_push
         self._draw = draw_grid_push if config.sampler == GRID else circle
         built = draw_parameters(generator(seed, "build"), config)

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-
 from scipy.spatial.transform import Rotation
 
 from sain_arm.robot.arm_model import ArmModel, Pose
@@ -198,7 +197,7 @@ class BulletArm(ControlledArm):
         """
         super().__init__(model)
         self._client, count = client, len(model.robot.joints)
-        flags = client.URDF_USE_IMPLICIT_CYLINDER
+        flags = client.URDF_USE_IMPLICIT_CYLINDER | client.URDF_USE_INERTIA_FROM_FILE
         self.body: int = client.loadURDF(str(file.path), useFixedBase=True, flags=flags)
         self._joints, self._ones = range(count), [1.0] * count
         self._gains, self._forces = [GAIN] * count, [STRONG] * count

@@ -189,7 +189,9 @@ class BulletCell(Workcell):
         for index, body in enumerate(self.bodies):
             if index == pushed:
                 continue
-            for contact in self._client.getContactPoints(self.arm.body, body.id, self.arm.tool_link):
+            for contact in self._client.getContactPoints(
+                self.arm.body, body.id, self.arm.tool_link
+            ):
                 distance, force = contact[8], contact[9]
                 if distance <= 0.0 or force > 0.0:
                     return index

@@ -35,7 +35,8 @@ CRITICAL: Final = 1.0  # [MuJoCo] default damping ratio of a contact: no bounce
 SLIDING_ONLY: Final = 3  # `condim`: no torsional or rolling friction, as in the paper
 SERVO_STIFFNESS: Final = 5e5  # [N/m], of the tool on each joint's servo alone
 SHORTEST_LEVER: Final = 0.1  # [m], of the tool about a joint, that its servo is made for
-ROTOR_INERTIA: Final = {"hinge": 0.1, "slide": 5.0}  # [kg m^2], [Menagerie] `armature`; [kg]
+# Ten times that of [Menagerie]: with less, light wrists on stiff servos chatter on rigid contacts.
+ROTOR_INERTIA: Final = {"hinge": 1.0, "slide": 5.0}  # [kg m^2]; [kg]
 YIELD: Final = 100.0  # [1 / mass], regularisation R of a flat bottom's contacts, [MuJoCo] solimp
 DAMPING: Final = 90.0  # [1/s], of a flat bottom on the table: a fifth of critical
 FRICTION_RATIO: Final = 10.0  # `impratio`: friction of soft contacts creeps at below 1 mm/s

@@ -210,7 +210,9 @@ class Publishing:
         """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
         self.tick()
         stamp = scene.header.stamp
-        joints = JointState(header=codec.header(stamp), name=list(self._simulator.config.cell.arm.joints))
+        joints = JointState(
+            header=codec.header(stamp), name=list(self._simulator.config.cell.arm.joints)
+        )
         joints.position = codec.encode_floats(sample.joint_positions)
         joints.velocity = codec.encode_floats(sample.joint_velocities)
         self._joints.publish(joints)

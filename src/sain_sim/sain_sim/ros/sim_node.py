@@ -34,7 +34,7 @@ class SimNode(PushingNode):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", "physics", **options)
         self._stopped, config = "", read_parameters(self, SimulatorConfig)
-        cell, self.pacer = config.bullet, Pacer(config.real_time_factor)
+        cell, self.pacer = config.cell, Pacer(config.real_time_factor)
         self.execution = PushExecution(cell.motion, cell.feasibility.limits.clearance)
         self.driver = driver = PushDriver(
             self, self.begin, cell.feasibility, sees=True, now=lambda: self.pacer.now

@@ -22,7 +22,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Prediction, PushResult
 from sain_sim.camera.camera import Camera, WorldCameraConfig
-from sain_sim.camera.renderer import Renderer, image_camera, paper_arm
+from sain_sim.camera.renderer import Renderer, image_camera
 from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
@@ -201,7 +201,7 @@ class Simulator:
     def _looks(self) -> tuple[Robot, Bodies, tuple[float, ...], Table]:
         """What a camera sees."""
         parameters, table = self.parameters, self.config.cell.feasibility.table
-        return paper_arm(), parameters.bodies, parameters.radii, table
+        return self.config.cell.arm, parameters.bodies, parameters.radii, table
 
     def _open_window(self) -> None:
         self._close_window()

@@ -38,7 +38,7 @@ ENGINES: Final = {
     MUJOCO: EngineEntry(
         "sain_sim.engines.mujoco_cell:MujocoSimulation",
         "mujoco",
-        'pip install ".[mujoco]" in the checkout, or pip install mujoco',
+        "pip install mujoco",
     ),
 }
 # PyBullet has no wheel above Python 3.11, where the set-up leaves it out.

@@ -29,6 +29,7 @@ from sain_sim.arm.client import Closeable
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET
 
+PAPER_PANDA, FREE_TOOL = "paper_panda", "free_tool"  # robots
 TIME_STEP: Final = 1 / 240  # [s], of control
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
@@ -45,7 +46,7 @@ class WorldConfig(Config):
     """How a world is simulated; `WorldParameters` states what is in it."""
 
     robot: str = option(
-        "paper_panda", "YAML file of the robot that pushes, or the name of a shipped one"
+        PAPER_PANDA, "YAML file of the robot that pushes, or the name of a shipped one"
     )
     motion: MotionConfig = MotionConfig(tip_height=0.008, clearance=0.048)
     feasibility: Feasibility = Feasibility()
@@ -110,14 +111,15 @@ class Route(NamedTuple):
 
     approach: Joints  # shown and not simulated, as `lift`; without it the arm jumps
     stroke: Joints
+    withdraw: Joints  # a little, off the body
     lift: Joints
 
     @classmethod
     def of(cls, plan: PushPlan, approach: Joints) -> "Route":
         """Return the steps of a plan behind an approach."""
         joints = plan.stroke.sampled(TIME_STEP)
-        lifts = steps_of(plan.lifts)
-        return cls(approach, joints[: lifts + 1], joints[lifts:])
+        end, lifts = steps_of(plan.pushing[1]), steps_of(plan.lifts)
+        return cls(approach, joints[: end + 1], joints[end : lifts + 1], joints[lifts:])
 
 
 class Watch(NamedTuple):
@@ -296,8 +298,8 @@ class Workcell(ABC):
     def perform(self, route: Route, watch: Watch | None, pushed: int | None) -> None:
         """Push and wait until the disks are still; show the arm's ways through the air, if wished.
 
-        The tool withdraws and waits beside the body. Its ways through the air are shown and not simulated:
-        the disks end in the same bytes with and without them.
+        The tool withdraws and waits beside the body. Its ways through the air are shown and not
+        simulated: the bodies end in the same bytes with and without them.
 
         Raises:
             BlockedError: at the step in which the tool touches another body than the pushed one;
@@ -311,6 +313,7 @@ class Workcell(ABC):
             self._show(route.approach, "approach", watch)
         self.arm.place(route.stroke[0])
         self._follow(route.stroke, "push", watch, pushed)
+        self._follow(route.withdraw, "settle", watch, pushed)
         self.settle("settle", watch, pushed)
         check_possible(self.scene(self.origin.states), self.observe())
         self._check_upright()
