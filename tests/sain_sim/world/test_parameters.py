@@ -4,8 +4,8 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.shapes.library import get_shape
-from sain_sim.arm.client import Client
 from sain_sim.engines.bullet_bodies import Body, resting
+from sain_sim.engines.bullet_client import Client
 from sain_sim.world.parameters import (
     FRICTION_RANGE,
     MASS_RANGE,

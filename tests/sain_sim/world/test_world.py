@@ -12,11 +12,10 @@ from sain_core.push import SPEED, make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, Y, is_settled, unit
 from sain_core.shapes.solids import DISK
 from sain_core.world import DivergedError, check_possible
-from sain_sim.arm.motion import TIME_STEP
 from sain_sim.world.parameters import nominal_parameters
 from sain_sim.world.shadow import DYNAMICS, Bullet, BulletPrior
 from sain_sim.world.start import paper_start
-from sain_sim.world.workcell import WorldConfig
+from sain_sim.world.workcell import TIME_STEP, WorldConfig
 from sain_sim.world.world import World
 from tests.workspace.source_tree import PYPROJECT
 

@@ -5,7 +5,6 @@ renderer needs a driver (EGL or OSMesa) that no wheel has.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Final, NamedTuple
 
 import cv2

@@ -20,7 +20,7 @@ from sain_arm.robot.arm_model import ArmModel, Pose
 from sain_arm.robot.robot import Vector
 from sain_arm.robot.urdf_file import LONGEST
 from sain_core.scratch import scratch_folder
-from sain_sim.arm.client import Client
+from sain_sim.engines.bullet_client import Client
 from sain_sim.world.workcell import ControlledArm, Tip
 
 LINK_MASS: Final = 500.0  # [kg]

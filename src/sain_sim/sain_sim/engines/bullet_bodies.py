@@ -19,7 +19,7 @@ from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_core.scratch import scratch_folder
 from sain_core.shapes.shape import Pair, Shape, Solid, Vector, prism_surface
 from sain_core.types import Points
-from sain_sim.arm.client import Client
+from sain_sim.engines.bullet_client import Client
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.workcell import support_drop
 

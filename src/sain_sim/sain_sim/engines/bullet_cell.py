@@ -7,9 +7,9 @@ import numpy as np
 
 from sain_core.scene import Table
 from sain_core.types import Scalars, Scene
-from sain_sim.arm.client import Client
 from sain_sim.engines.bullet_arm import ArmFile, BulletArm
 from sain_sim.engines.bullet_bodies import Body, BodyState, resting, unseen_shape
+from sain_sim.engines.bullet_client import Client
 from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
 from sain_sim.world.workcell import (
     GRAVITY,

@@ -8,7 +8,6 @@ from time import perf_counter
 import numpy as np
 
 from sain_arm.planning.push_planner import PushPlan
-from sain_arm.planning.timing import PERIOD, Trajectory
 from sain_arm.robot.robot import Robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
@@ -145,11 +144,8 @@ class Simulator:
         return tuple(self.camera.measured(scene)[:, RADIUS].tolist())
 
     def plan(self, stroke: Stroke) -> PushPlan:
-        """Return the arm's motion for a stroke, which `push` makes."""
-        del stroke  # the world plans by itself
-        still = np.repeat(self.world.sample().joint_positions[None], 2, axis=0)
-        way = Trajectory(np.array([0.0, PERIOD]), still, np.zeros_like(still))
-        return PushPlan(way, way, (0.0, PERIOD))
+        """Return the arm's motion for a stroke, which `push` makes; see `World.plan`."""
+        return self.world.plan(stroke)
 
     def push(
         self,

@@ -5,7 +5,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from sain_arm.planning.push_planner import PushPlanner
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_core.errors import SainError
 from sain_core.feasibility import Stroke
 from sain_core.guarding.plugins import package_of
@@ -77,6 +77,10 @@ class OwnWorld(CheckedWorld):
         """Return whether every body is settled: it always is."""
         return True
 
+    def plan(self, stroke: Stroke) -> PushPlan:
+        """Return the motion of the arm for a stroke from here, which is shown."""
+        return self._planner.plan(stroke, self._scene, None)
+
     def _execute(
         self, stroke: Stroke, push: PushArray, watch: Watch | None, seen: Scene | None
     ) -> Outcome:
@@ -88,7 +92,7 @@ class OwnWorld(CheckedWorld):
                 contract. The bodies are put back.
         """
         before = self.observe()
-        plan = self._planner.plan(stroke, before, None)
+        plan = self.plan(stroke)
         joints = Route.of(plan, plan.approach.positions[-1:]).stroke
         took = len(joints) * TIME_STEP
 

@@ -41,9 +41,9 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.types import PushArray, Pushes, Scene, Scenes
 from sain_core.world import ToppledError
-from sain_sim.arm.client import Closeable
 from sain_sim.world.engines import DEFAULT_ENGINE
 from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.workcell import Closeable
 from sain_sim.world.world import World, WorldConfig
 
 NOMINAL: Final = "nominal"  # the paper's: nominal mass, radius and friction

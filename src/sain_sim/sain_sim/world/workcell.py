@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees, radians
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -25,7 +25,6 @@ from sain_core.feasibility import Feasibility
 from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import ToppledError, check_possible
-from sain_sim.arm.client import Closeable
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET
 
@@ -388,6 +387,22 @@ def support_drop(parameters: WorldParameters) -> float:
     """Return how far the middles of supports are above that of their body [m]."""
     sag = SAG if parameters.lies_flat else 0.0
     return FOOT_RADIUS - DISK_HEIGHT / 2 - sag
+
+
+class Closeable(ABC):
+    """Base of what holds a client: ``with`` closes it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close what it holds; doing it twice is fine."""
+
+    def __enter__(self) -> Self:
+        """Return the object itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
 
 
 class Simulation(Closeable):

@@ -16,13 +16,13 @@ from sain_core.scene import MASS, RADIUS
 from sain_core.shapes.bodies import Bodies, check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
-from sain_sim.arm.client import Closeable
 from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
 from sain_sim.world.parameters import NOMINAL_FRICTION, WorldParameters, check_stands, on_a_grid
 from sain_sim.world.truth import check_roughness
 from sain_sim.world.workcell import (
     TIME_STEP,
     CellState,
+    Closeable,
     Observer,
     Route,
     Sample,
@@ -116,6 +116,22 @@ class CheckedWorld(Closeable):
             return Outcome(scene, scene.copy(), 0.0, True, np.zeros(len(scene), dtype=bool))
         watch = None if on_step is None else Watch(on_step, every)
         return self._execute(stroke, push, watch, seen)
+
+    @abstractmethod
+    def plan(self, stroke: Stroke) -> PushPlan:
+        """Return the motion of the arm for a stroke from here, checked as a whole.
+
+        It depends on scene and stroke alone, and so does its approach, which is the lowering.
+
+        Raises:
+            UnreachableError: a pose or a speed that the arm cannot take.
+            BlockedError: a link would touch a body, or the tool another one.
+        """
+
+    @property
+    def robot(self) -> Robot:
+        """The robot that pushes."""
+        return self.config.arm
 
     @abstractmethod
     def _execute(
@@ -275,11 +291,6 @@ class World(CheckedWorld):
         self._steps = self._cell.steps
         return self._cell.still()
 
-    @property
-    def robot(self) -> Robot:
-        """The robot that pushes."""
-        return self.config.arm
-
     def joint_states(self) -> tuple[Vector, Vector]:
         """Return the arm's positions (J,) [rad] and speeds (J,) [rad/s]."""
         return self._cell.arm.joint_states()
@@ -293,14 +304,7 @@ class World(CheckedWorld):
         self._steps = self._cell.steps
 
     def plan(self, stroke: Stroke) -> PushPlan:
-        """Return the motion of the arm for a stroke from here, checked as a whole.
-
-        It depends on scene and stroke alone, and so does its approach, which is the lowering.
-
-        Raises:
-            UnreachableError: a pose or a speed that the arm cannot take.
-            BlockedError: a link would touch a body, or the tool another one.
-        """
+        """Return the motion of the arm for a stroke from here, checked as a whole."""
         bodies, radii = self.parameters.bodies, self.parameters.radii
         if self._planned_for != (bodies, radii):
             self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)

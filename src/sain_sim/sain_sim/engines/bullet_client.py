@@ -6,10 +6,9 @@ be one without an error. A `Client` adds its own id to every call; nothing else 
 
 import functools
 import os
-from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Self
+from typing import Any
 
 from sain_core.errors import SainError
 
@@ -57,19 +56,3 @@ class Client:
         if self.id >= 0:
             self._pybullet.disconnect(physicsClientId=self.id)
             self.id = -1
-
-
-class Closeable(ABC):
-    """Base of what holds a client: ``with`` closes it."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close what it holds; doing it twice is fine."""
-
-    def __enter__(self) -> Self:
-        """Return the object itself."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close it."""
-        self.close()

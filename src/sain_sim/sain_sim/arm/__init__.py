@@ -1,1 +1,0 @@
-"""The Panda with its stick, and the PyBullet client. Imports nothing of this package."""
