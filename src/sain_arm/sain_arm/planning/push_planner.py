@@ -193,7 +193,7 @@ class PushPlanner:
         ends = np.cumsum([0, *(len(way) - 1 for way in ways)])
         parts = [joints[first : last + 1] for first, last in pairwise(ends)]
         share = self._way(ways[1], parts[1], stroke.speed).speed_share(self.robot)
-        if share < LEAST_SHARE:
+        if stroke.length > 0.0 and share < LEAST_SHARE:
             raise UnreachableError(
                 f"the joints allow {share * stroke.speed:.3f} m/s in this stroke;"
                 f" {stroke.speed:g} m/s is asked for"
