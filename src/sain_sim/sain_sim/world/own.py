@@ -41,10 +41,10 @@ class OwnWorld(CheckedWorld):
             ConfigError: see `load_world`.
             WorldFailedError: it fails.
         """
-        self.config, self.engine, self.parameters = config, engine, parameters
+        self._planner = PushPlanner(config.arm, config=config.motion)
+        self.config, self.engine, self.parameters = config.fitted(self._planner), engine, parameters
         self._package = package_of(OFFERED.find(engine))
         self._world = load_world(engine)
-        self._planner = PushPlanner(config.arm, config=config.motion)
         self._joints = config.arm.home
         self._time = 0.0
         table = config.feasibility.table

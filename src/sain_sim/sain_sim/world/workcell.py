@@ -17,11 +17,12 @@ from numpy import ndarray
 
 from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.reach import table_of_reach
 from sain_arm.robot.arm_model import ArmModel
 from sain_arm.robot.robot import Joints, Robot, Vector, read_robot
 from sain_core.config import Config, option
 from sain_core.errors import BlockedError
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, Reach
 from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import ToppledError, check_possible
@@ -64,6 +65,19 @@ class WorldConfig(Config):
             ConfigError: its file is not there, or wrong.
         """
         return read_robot(self.robot)
+
+    def fitted(self, planner: PushPlanner) -> "WorldConfig":
+        """Return the same with the tool of the planner's robot, and its reach if none is stated.
+
+        Raises:
+            UnreachableError: the robot can push nowhere.
+        """
+        feasibility, robot = self.feasibility, planner.robot
+        limits = replace(feasibility.limits, tool_radius=robot.tool_radius)
+        reach = feasibility.reach
+        if reach == Reach():
+            reach = robot.reach or table_of_reach(planner)
+        return replace(self, feasibility=replace(feasibility, limits=limits, reach=reach))
 
     @property
     def rise(self) -> float:
@@ -410,8 +424,8 @@ class Simulation(Closeable):
 
     def __init__(self, config: WorldConfig) -> None:
         """Start an engine for worlds of this configuration."""
-        self.config = config
         self.planner = PushPlanner(config.arm, config=config.motion)
+        self.config = config.fitted(self.planner)
         self.home = config.arm.aside(ASIDE) if config.wait_aside else config.arm.home
 
     @abstractmethod

@@ -191,11 +191,11 @@ class World(CheckedWorld):
         engine: str = DEFAULT_ENGINE,
     ) -> None:
         """Start with the bodies on a grid; `reset` places them. The engine is loaded here."""
-        self.config = config
+        self._simulation: Simulation = simulation_class(engine)(config)
+        self.config = self._simulation.config
         self.engine = engine
         self.parameters = parameters
         table = config.feasibility.table
-        self._simulation: Simulation = simulation_class(engine)(config)
         self._planner = self._simulation.planner
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self._steps = 0
