@@ -15,8 +15,16 @@ from sain_eval.loop.evaluation import EpisodeJob, run_jobs
 from sain_eval.loop.results import SceneRecord, summarise
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_shipped
-from sain_model.evaluation.errors import DEG, MM, PUSHED, TARGETS, evaluate
-from sain_model.evaluation.predictors import PRIOR_HISTORY, SAIN, SAIN_HISTORY
+from sain_model.evaluation.errors import (
+    DEG,
+    MM,
+    PRIOR_HISTORY,
+    PUSHED,
+    SAIN,
+    SAIN_HISTORY,
+    TARGETS,
+    evaluate,
+)
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.truth import RANDOMISED_TRUTH, ROUGH, TruthConfig
 

@@ -25,8 +25,7 @@ from sain_model.compute.threads import settle_threads
 from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import parse_card
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.errors import evaluate
-from sain_model.evaluation.predictors import SAIN
+from sain_model.evaluation.errors import SAIN, evaluate
 from sain_model.evaluation.presentation import error_tables
 from sain_sim.world.truth import RANDOMISED
 

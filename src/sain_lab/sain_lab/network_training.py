@@ -56,8 +56,7 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     Raises `SainError`: too few episodes, or the laboratory is damaged.
     """
     require_torch("training a network")
-    from sain_model.training.fit import fit
-    from sain_model.training.record import make_card
+    from sain_model.training.fit import fit, make_card
 
     kind = replace(read_belief(laboratory.belief_path).likeliest, corrected=True)
     data = data_of(latest(laboratory, since, pushes))

@@ -28,7 +28,6 @@ from sain_lab.storage.results import Result, history_of
 from sain_model.dynamics import identify
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.evidence import ObservedPushes
-from sain_model.inference.gauss_newton import Fit, fit
 from sain_model.inference.kinds import (
     FRICTION,
     Belief,
@@ -36,6 +35,7 @@ from sain_model.inference.kinds import (
     laboratory_kinds,
     surface_kind,
 )
+from sain_model.inference.posterior import Fit, fit
 from sain_model.physics.planar import PlanarPrior
 
 WINDOW: Final = 300  # pushes that the belief is inferred from

@@ -34,7 +34,7 @@ def test_an_edit_compiles_anew_and_says_so(tmp_path):
     store = copies[0] / "__pycache__" / "kernels"
     shutil.copytree(kernel_folder(), store)
     (store / "my_kernels-0123456789abcdef").mkdir()  # another program's
-    for edited in (copies[1] / "push.py", copies[0] / "physics" / "touch_kernels.py"):
+    for edited in (copies[1] / "push.py", copies[0] / "physics" / "contact_kernels.py"):
         before = source_hash(*copies)
         edited.write_text(edited.read_text() + "\n# edited\n")
         assert source_hash(*copies) != before

@@ -21,8 +21,7 @@ from sain_model.dynamics.load import load_checkpoint, save_checkpoint
 from sain_model.dynamics.sain import weights_of
 from sain_model.inference.kinds import read_belief, surface_kind, write_belief
 from sain_model.network.settings import NetworkConfig
-from sain_model.training.fit import fit, identified_kind
-from sain_model.training.record import make_card
+from sain_model.training.fit import fit, identified_kind, make_card
 from sain_model.training.settings import TrainingConfig, TrainOptions
 from tests.sain_model.conftest import make_part
 

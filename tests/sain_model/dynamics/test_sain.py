@@ -9,7 +9,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_model.dynamics.intervals import Intervals, Region
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
-from sain_model.evaluation.predictors import predict_with_history
+from sain_model.evaluation.errors import predict_with_history
 from sain_model.inference.kinds import FRICTION, friction_kind
 from sain_model.network.features import true_residual
 from sain_model.network.interaction_network import InteractionNetwork, ensemble

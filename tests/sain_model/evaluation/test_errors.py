@@ -9,8 +9,15 @@ from sain_core.model import IdentityPrior, Model, load_dynamics
 from sain_core.scene import POSITION, TARGET
 from sain_model import commands
 from sain_model.data.dataset import Dataset
-from sain_model.evaluation.errors import PUSHED, TARGET_MISSED, TARGET_MOVED, TARGETS, evaluate
-from sain_model.evaluation.predictors import MEASURED, NAMES
+from sain_model.evaluation.errors import (
+    MEASURED,
+    NAMES,
+    PUSHED,
+    TARGET_MISSED,
+    TARGET_MOVED,
+    TARGETS,
+    evaluate,
+)
 from sain_model.physics.planar import PlanarPrior
 from sain_model.serving.server import ModelServer
 from sain_model.serving.service import ServingConfig

@@ -12,7 +12,7 @@ from sain_core import model
 from sain_core.guarding import plugins
 from sain_core.push import LENGTH
 from sain_model import commands
-from sain_model.evaluation.predictors import AT_ONCE
+from sain_model.evaluation.errors import AT_ONCE
 from tests.sain_model.rolling import PUSHES, make_episodes, truth
 
 FEW = np.arange(4 * PUSHES)  # four episodes

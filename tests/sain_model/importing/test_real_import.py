@@ -22,7 +22,7 @@ from sain_core.transitions import IMPORTED, ORIGINS, SHAPED, Column
 from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset, split_by_episode
 from sain_model.importing.files import read_recordings
-from sain_model.importing.published import MAT_HEADER
+from sain_model.importing.real_pushes import MAT_HEADER
 from tests.sain_model.importing.recorded import (
     HEADER,
     KNEE,

@@ -6,8 +6,7 @@ import numba
 
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
-from sain_model.dynamics.sain import residual_model
+from sain_model.dynamics.sain import PhysicsPrediction, ResidualNetwork, residual_model
 from sain_model.inference.kinds import friction_kind
 from sain_model.physics.planar import PlanarPrior
 from tests.sain_model.conftest import draw_pushes, random_network

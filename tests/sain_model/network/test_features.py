@@ -9,7 +9,7 @@ from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.solids import Compound
 from sain_core.types import Pushes, Scenes
-from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
+from sain_model.dynamics.sain import PhysicsPrediction, ResidualNetwork
 from sain_model.network.feature_kernels import (
     BODY_FEATURES,
     CONTACT_BEFORE,

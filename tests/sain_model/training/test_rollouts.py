@@ -10,7 +10,7 @@ import torch
 from sain_core.scene import POSE, POSITION, TARGET
 from sain_model.data.dataset import Dataset, Split, split_by_episode
 from sain_model.dynamics.sain import residual_model
-from sain_model.evaluation.predictors import plain, roll_out
+from sain_model.evaluation.errors import plain, roll_out
 from sain_model.inference.kinds import friction_kind
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.network.settings import NetworkConfig

@@ -25,8 +25,7 @@ if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
     from sain_model.dynamics.load import ModelCard
     from sain_model.dynamics.sain import Origin
-    from sain_model.evaluation.errors import Figures
-    from sain_model.evaluation.predictors import Predictions
+    from sain_model.evaluation.errors import Figures, Predictions
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,7 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
     """Evaluate, print tables and write JSON, Markdown and picture."""
     from sain_model.data.dataset import load_dataset, make_windows
     from sain_model.dynamics.load import parse_card, shipped_checkpoint
-    from sain_model.evaluation.errors import report
-    from sain_model.evaluation.predictors import predict_all
+    from sain_model.evaluation.errors import predict_all, report
 
     for path in (options.out, *_open_loop_files(options)):
         claim_file(path, options.overwrite)
@@ -106,7 +104,7 @@ def _bars(names: Collection[str], pushes: int, console: Console) -> Iterator[Cal
 def _models(options: EvaluateModelOptions) -> Iterator[tuple[dict[str, Model], dict[str, Model]]]:
     """Give models by the names of their kinds, the one to evaluate first, and physics by name."""
     from sain_model.dynamics.load import load_checkpoint, load_shipped
-    from sain_model.evaluation.predictors import NAMES
+    from sain_model.evaluation.errors import NAMES
 
     main: Model = load_checkpoint(options.checkpoint) if options.checkpoint else load_shipped()
     if options.belief:

@@ -35,7 +35,7 @@ def run_pushes() -> None:
 
 def run_network() -> None:
     """Run the network and what makes its inputs, which regions and training use."""
-    from sain_model.dynamics.residual import PhysicsPrediction, ResidualNetwork
+    from sain_model.dynamics.sain import PhysicsPrediction, ResidualNetwork
     from sain_model.network.features import network_inputs, push_frames
     from sain_model.network.settings import NetworkConfig
     from sain_model.network.weights import untrained

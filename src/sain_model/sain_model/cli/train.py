@@ -52,15 +52,18 @@ def run(options: TrainOptions, console: Console) -> None:
     from sain_model.data.dataset import load_dataset, split_by_episode
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
     from sain_model.dynamics.sain import weights_of
-    from sain_model.evaluation.errors import evaluate
-    from sain_model.evaluation.predictors import NAMES
+    from sain_model.evaluation.errors import NAMES, evaluate
     from sain_model.evaluation.presentation import error_tables
-    from sain_model.training.fit import Parent, fit, gain_line, identified_kind, trained_kind
-    from sain_model.training.record import (
+    from sain_model.training.fit import (
         PICTURES,
+        Parent,
         draw_losses,
+        fit,
+        gain_line,
+        identified_kind,
         make_card,
         own_errors,
+        trained_kind,
         written_names,
     )
 
@@ -119,8 +122,7 @@ def _show(
 
     Its settings are written now, as a state of another training was not refused.
     """
-    from sain_model.training.fit import PUSHES
-    from sain_model.training.record import epoch_bar, event_log, save_settings
+    from sain_model.training.fit import PUSHES, epoch_bar, event_log, save_settings
 
     save_settings(options, data)
     with ExitStack() as stack:

@@ -27,7 +27,6 @@ from sain_model.inference.evidence import (
     log_density,
     marginals,
 )
-from sain_model.inference.gauss_newton import Fit, Parts, fit
 from sain_model.inference.kinds import (
     FRICTION,
     KEEP,
@@ -37,7 +36,7 @@ from sain_model.inference.kinds import (
     default_belief,
     surface_kind,
 )
-from sain_model.inference.posterior import Posterior
+from sain_model.inference.posterior import Fit, Parts, Posterior, fit
 from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 25

@@ -16,23 +16,21 @@ from sain_core.view.palette import PALETTE
 from sain_model.evaluation.errors import (
     DEG,
     ENOUGH,
+    HISTORY,
+    LEARNED,
+    MEASURED,
     MM,
+    PRIOR,
+    PRIOR_HISTORY,
     PUSHED,
+    RECURRENT_SAIN,
+    SAIN,
     TARGET_MISSED,
     TARGET_MOVED,
     TARGETS,
     Figures,
-    position_errors,
-)
-from sain_model.evaluation.predictors import (
-    HISTORY,
-    LEARNED,
-    MEASURED,
-    PRIOR,
-    PRIOR_HISTORY,
-    RECURRENT_SAIN,
-    SAIN,
     Predictions,
+    position_errors,
 )
 
 ROLLED: Final = (TARGETS, TARGET_MOVED, TARGET_MISSED, f"target, {ENOUGH}+ earlier", PUSHED)

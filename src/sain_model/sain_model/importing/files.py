@@ -24,15 +24,18 @@ from sain_core.guarding.untrusted import read_regular_text
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
 from sain_core.types import Mask
-from sain_model.importing.published import TIP_RADIUS, is_published, read_logs, read_npz
 from sain_model.importing.real_pushes import (
     FOUND_AT,
     LONGEST_TEXT,
     MOST_PUSHES,
     MOST_TURN,
+    PUBLISHED_TIP_RADIUS,
     RealPushes,
     check_real,
+    is_published,
     joined,
+    read_logs,
+    read_npz,
 )
 
 POSES: Final = {
@@ -299,7 +302,7 @@ def read_recordings(
     shapes = shapes or _outlines_beside(paths[0])
     stated = read_stated(shapes) if shapes else StatedBodies({})
     tip_radius = stated.tip_radius if tip_radius is None else tip_radius
-    published = TIP_RADIUS if tip_radius is None else tip_radius
+    published = PUBLISHED_TIP_RADIUS if tip_radius is None else tip_radius
     logs = [path for path in found if form_of(path) == MAT]
     read = dict(zip(logs, read_logs(logs, published), strict=True))
     for path in found:

@@ -1,10 +1,14 @@
-"""What pushes of an episode say about the physics: its kind and its parameters.
+"""What pushes say about the physics: its kind and its parameters.
 
 Of each kind of physics, the parameters that have a grid are inferred on it, the others stay as
 believed. About the kind with the greatest evidence, all parameters are inferred together, by
-Gauss-Newton. What has the greatest evidence predicts.
+damped Gauss-Newton (Levenberg, Marquardt) with Student's t. What has the greatest evidence
+predicts. There are R problems of C episodes. The episodes of a problem share its parameters, but
+for those of the scope "episode": of them each episode has a value of its own. An episode's history
+is a problem of one episode, the recordings of a laboratory are one problem of many.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Self
 
@@ -13,16 +17,261 @@ from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Pushes, Scalars, Scenes
+from sain_core.types import Indices, Mask, Pushes, Scalars, Scenes
 from sain_model.inference.evidence import (
     FACTORS,
+    SIZE,
+    TAIL,
     Known,
     ObservedPushes,
     curves_of,
+    errors_of,
+    log_density,
     marginals,
+    over_factors,
 )
-from sain_model.inference.gauss_newton import fit
 from sain_model.inference.kinds import Belief, Kind, Places
+
+DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
+LONGEST: Final = 1.5  # [spreads], of a step
+DAMPING: Final = np.array([0.0, 0.1, 1.0, 10.0, 100.0])  # of steps, shares of the diagonal
+ENOUGH: Final = 0.05  # a smaller gain of the logarithm of the posterior density is the last
+LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
+
+Parts = Sequence[ObservedPushes]
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """The most likely parameters of R problems with C episodes."""
+
+    kind: Kind  # of physics that the vectors z are about
+    together: bool  # whether the episodes are one problem, else each is one
+    places: Float[ndarray, "C D"]  # z of each episode
+    normal: "Normal"  # the normal equations there, for the noise of `factor`
+    factor: Float[ndarray, "R"]  # of the noise, of each problem
+    log_evidence: Float[ndarray, "R"]  # by Laplace's approximation
+
+    @property
+    def evidence(self) -> float:
+        """The logarithm of the evidence of the first problem."""
+        return float(self.log_evidence[0])
+
+    @property
+    def covariance(self) -> Float[ndarray, "C D D"]:
+        """Of the parameters of an episode that is its problem alone."""
+        return np.linalg.inv(self.normal.information + self.kind.precision)
+
+    @property
+    def own_variances(self) -> Float[ndarray, "D"]:
+        """Mean over the episodes, of what each has of its own; 0 of what they share."""
+        own = self.kind.of_episode
+        inside = self.normal.information[:, own][:, :, own] + _part(self.kind, own)
+        variances = np.zeros(len(own))
+        variances[own] = np.diagonal(np.linalg.inv(inside), axis1=1, axis2=2).mean(axis=0)
+        return variances
+
+    @property
+    def shared_covariance(self) -> Float[ndarray, "D D"]:
+        """Of what all episodes share, where they are one problem; 0 for what they do not.
+
+        Errors of one episode have causes in common, which are counted once: White's estimate over
+        episodes is added.
+        """
+        kind, shared = self.kind, ~self.kind.of_episode
+        reduced = Reduced.of(self.normal, kind, together=True)
+        inverse = np.linalg.inv(reduced.rest[0])
+        solved = np.linalg.solve(reduced.own, self.normal.pull[:, kind.of_episode, None])
+        scores = self.normal.pull[:, shared] - (reduced.ties @ solved)[..., 0]
+        covariance = np.zeros_like(kind.precision)
+        covariance[np.ix_(shared, shared)] = inverse + inverse @ (scores.T @ scores) @ inverse
+        return covariance
+
+
+@dataclass(frozen=True, eq=False)
+class Normal:
+    """What pushes add to the normal equations of each of C episodes."""
+
+    information: Float[ndarray, "C D D"]
+    pull: Float[ndarray, "C D"]
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """Normal equations without what episodes have of their own, and how they tie to it."""
+
+    own: Float[ndarray, "C O O"]
+    ties: Float[ndarray, "C S O"]
+    rest: Float[ndarray, "R S S"]
+
+    @classmethod
+    def of(cls, normal: Normal, kind: Kind, together: bool) -> "Reduced":
+        """Eliminate what each episode has of its own."""
+        own, shared = kind.of_episode, ~kind.of_episode
+        inside = normal.information[:, own][:, :, own] + _part(kind, own)
+        ties = normal.information[:, shared][:, :, own]
+        rest = normal.information[:, shared][:, :, shared]
+        rest = rest - ties @ np.linalg.solve(inside, np.swapaxes(ties, 1, 2))
+        rest = _sums(rest, together) + _part(kind, shared)
+        return cls(inside, ties, rest)
+
+    def log_room(self, kind: Kind, together: bool) -> Float[ndarray, "R"]:
+        """Return the logarithm of how much pushes tighten the belief."""
+        own = kind.of_episode
+        each = np.linalg.slogdet(self.own)[1] - np.linalg.slogdet(_part(kind, own))[1]
+        rest = np.linalg.slogdet(self.rest)[1] - np.linalg.slogdet(_part(kind, ~own))[1]
+        return np.asarray(rest + _sums(each, together))
+
+
+def fit(
+    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], steps: int, together: bool = False
+) -> Fit:
+    """Return the most likely parameters of each problem, after so many steps at most.
+
+    Each of the C episodes that `parts` count has a first vector z. They are one problem `together`,
+    or each is a problem alone.
+    """
+    places, problem = start.copy(), np.arange(len(start)) * (not together)  # of each episode
+    totals = _totals(kind, parts, places, together)
+    damping, goes_on = np.zeros(len(totals), np.int64), np.ones(len(totals), dtype=bool)
+    for _ in range(steps):
+        score, factor = _best(totals)
+        some = _of_episodes(parts, goes_on[problem])
+        normal = normal_equations(kind, some, places, factor[problem])
+        tried = goes_on
+        while tried.any():
+            step = _step(normal, kind, places, together, DAMPING[damping])
+            moved = places + tried[problem, None] * step
+            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
+            better = tried & (_best(now)[0] > score)
+            totals[better], places[better[problem]] = now[better], moved[better[problem]]
+            tried = tried & ~better & (damping < len(DAMPING) - 1)
+            damping[tried] += 1
+            damping[better] = np.maximum(damping[better] - 1, 0)
+        goes_on = _best(totals)[0] > score + ENOUGH
+        if not goes_on.any():
+            break
+    _, factor = _best(totals)
+    normal, rooms = normal_equations(kind, parts, places, factor[problem]), []
+    for other in FACTORS:
+        share = (factor / other)[problem, None, None] ** 2
+        reduced = Reduced.of(Normal(normal.information * share, normal.pull), kind, together)
+        rooms.append(reduced.log_room(kind, together))
+    evidence = over_factors(totals - 0.5 * np.stack(rooms, axis=1))
+    return Fit(kind, together, places, normal, factor, evidence)
+
+
+def normal_equations(
+    kind: Kind, parts: Parts, places: Float[ndarray, "C D"], factor: Float[ndarray, "C"]
+) -> Normal:
+    """Return the normal equations of each episode at vectors z, with a factor of the noise each."""
+    count, size = places.shape
+    information, pull = np.zeros((count, size, size)), np.zeros((count, size))
+    for part in parts:
+        errors, slopes = slopes_of(kind, part, places[part.episode])
+        scale = part.scales(factor[part.episode, None])
+        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
+        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
+        weighted = weight[..., None, None] * slopes
+        np.add.at(information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
+        np.add.at(pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
+    return Normal(information, pull)
+
+
+def slopes_of(
+    kind: Kind, pushes: ObservedPushes, places: Places
+) -> tuple[Float[ndarray, "P N 3"], Float[ndarray, "P N 3 D"]]:
+    """Return errors, and how they change with each parameter, from one batch of predictions.
+
+    Where a parameter is at its largest value, the difference is to a smaller one.
+    """
+    count = places.shape[1]
+    step = np.where(kind.at_most(places + DIFFERENCE), -DIFFERENCE, DIFFERENCE)  # (P, D)
+    many = np.repeat(places[:, None], count + 1, axis=1)
+    many[:, 1:] += step[:, None] * np.eye(count)
+    rows = np.repeat(np.arange(len(places)), count + 1)
+    errors = errors_at(kind, pushes, many.reshape(-1, count), rows)
+    errors = errors.reshape(len(places), count + 1, *errors.shape[1:])
+    slopes = (errors[:, 1:] - errors[:, :1]) / step[..., None, None]
+    return errors[:, 0], np.moveaxis(slopes, 1, -1)
+
+
+def errors_at(
+    kind: Kind, pushes: ObservedPushes, places: Places, rows: Indices | slice = slice(None)
+) -> Float[ndarray, "P N 3"]:
+    """Return errors [m] of predictions of these rows, each with parameters z of its own (P, D)."""
+    values = kind.values(places) | pushes.given_at(rows)
+    after = kind.step(pushes.bodies, pushes.state[rows], pushes.action[rows], values)
+    return errors_of(after, pushes.next_state[rows])
+
+
+def _totals(kind: Kind, parts: Parts, places: ndarray, together: bool) -> Float[ndarray, "R K"]:
+    """Return the logarithm of the posterior density of each problem for each factor."""
+    own, shared = kind.of_episode, ~kind.of_episode
+    far = _far(kind, places, own)
+    once = far[:1] if together else far
+    once += _far(kind, places[: len(once)], shared)
+    total = np.repeat(-0.5 * _sums(far, together)[:, None], len(FACTORS), axis=1)
+    for part in parts:
+        densities = log_density(errors_at(kind, part, places[part.episode]), part.scales(FACTORS))
+        np.add.at(total, part.episode * (not together), densities)
+    return total
+
+
+def _best(totals: Float[ndarray, "R K"]) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
+    """Return the largest total of each problem among factors that count, and its factor."""
+    counts = FACTORS >= LEAST_FACTOR
+    return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
+
+
+def _step(
+    normal: Normal, kind: Kind, places: ndarray, together: bool, damping: Float[ndarray, "R"]
+) -> Float[ndarray, "C D"]:
+    """Return the change of the parameters of each episode, none too long.
+
+    `damping` is added to the diagonals of the normal equations of each problem, as a share of them.
+    """
+    own, shared = kind.of_episode, ~kind.of_episode
+    diagonal = np.einsum("cdd->cd", normal.information) + np.diag(kind.precision)
+    added = (damping[:, None] * diagonal)[..., None] * np.eye(len(own))
+    damped = Normal(normal.information + added, normal.pull)
+    reduced = Reduced.of(damped, kind, together)
+    pull_own = normal.pull[:, own] + places[:, own] @ _part(kind, own)
+    solved = np.linalg.solve(reduced.own, pull_own[..., None])
+    pull = _sums(normal.pull[:, shared] - (reduced.ties @ solved)[..., 0], together)
+    pull = pull + places[: len(pull), shared] @ _part(kind, shared)
+    change = -np.linalg.solve(reduced.rest, pull[..., None])[..., 0]  # (R, S)
+    longest = np.abs(change).max(axis=1, keepdims=True, initial=0.0)
+    change *= LONGEST / np.maximum(longest, LONGEST)
+    everywhere = np.broadcast_to(change, (len(places), shared.sum()))
+    rest = pull_own + np.einsum("cso,cs->co", reduced.ties, everywhere)
+    each = -np.linalg.solve(reduced.own, rest[..., None])[..., 0]
+    step = np.empty_like(places)
+    step[:, shared], step[:, own] = change, np.clip(each, -LONGEST, LONGEST)
+    return step
+
+
+def _of_episodes(parts: Parts, chosen: Mask) -> Parts:
+    """Return the pushes of some episodes."""
+    return parts if chosen.all() else [part.select(chosen[part.episode]) for part in parts]
+
+
+def _part(kind: Kind, chosen: Mask) -> Float[ndarray, "S S"]:
+    """Return what is believed of some parameters before any push, as a precision."""
+    return kind.precision[np.ix_(chosen, chosen)]
+
+
+def _far(kind: Kind, places: ndarray, chosen: Mask) -> Float[ndarray, "C"]:
+    some = places[:, chosen]
+    return np.einsum("cd,de,ce->c", some, _part(kind, chosen), some)
+
+
+def _sums(values: Float[ndarray, "C *V"], together: bool) -> Float[ndarray, "R *V"]:
+    """Return sums over the episodes of each problem."""
+    return values.cumsum(axis=0)[-1:] if together else values  # one after another
+
+
+# --- rows of pushes -------------------------------------------------------------------------------
 
 STEPS: Final = 3
 STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be many

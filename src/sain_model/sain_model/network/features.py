@@ -35,9 +35,9 @@ from sain_model.network.feature_kernels import (
     MIRRORED_BODY,
     PLACE_FEATURES,
     RELATION_FEATURES,
+    OutlineTable,
     write_block,
 )
-from sain_model.network.patch_kernels import OutlineTable
 from sain_model.network.settings import WORLD_FRAME, NetworkConfig
 from sain_model.physics.parameters import BY_NAME, Values
 from sain_model.physics.planar import body_table, first_touch

@@ -35,6 +35,14 @@ from sain_core.types import Angles, Indices, Mask, Points, Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import even_blocks, run_blocks
+from sain_model.physics.contact_kernels import (
+    DISTANCE,
+    GAP,
+    GAP_BODY,
+    NORMAL,
+    TOUCH_SIZE,
+    find_touches,
+)
 from sain_model.physics.parameters import (
     HARMONICS,
     PlanarConfig,
@@ -44,14 +52,6 @@ from sain_model.physics.parameters import (
     rows_of,
 )
 from sain_model.physics.push_kernels import CHUNK, push_bodies_block
-from sain_model.physics.touch_kernels import (
-    DISTANCE,
-    GAP,
-    GAP_BODY,
-    NORMAL,
-    TOUCH_SIZE,
-    find_touches,
-)
 
 Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
 

@@ -16,7 +16,7 @@ from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.identify import FEW_BODIES, body_names, states_bodies
 from sain_model.dynamics.intervals import LEVEL, Intervals, Prediction, Region
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.evaluation.predictors import predict_with_history
+from sain_model.evaluation.errors import predict_with_history
 from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count

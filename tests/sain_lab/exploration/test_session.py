@@ -12,7 +12,7 @@ from sain_core.scene import POSITION, make_scene
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.exploration.information import (
+from sain_lab.exploration.session import (
     Certainty,
     InformativeDecider,
     Work,
