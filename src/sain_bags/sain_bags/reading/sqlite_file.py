@@ -33,7 +33,7 @@ PLAIN: Final = """
     SELECT count(*) FROM sqlite_master WHERE name IN ('topics', 'messages', 'message_definitions')
     AND (type != 'table' OR upper(sql) LIKE '%VIRTUAL%' OR upper(sql) LIKE '% AS %')
 """
-MESSAGES: Final = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp, id"
+MESSAGES: Final = "SELECT topic_id, timestamp, data FROM messages ORDER BY timestamp"
 
 
 def read_sqlite(path: Path, place: Path) -> Iterator[McapRecord]:
