@@ -8,9 +8,16 @@ import stat
 from pathlib import Path
 from typing import Final
 
-from sain_bags.mcap.mcap_writer import BEGINNING
+from mcap.data_stream import RecordBuilder
+from mcap.records import Header
+from mcap.well_known import Profile
+from mcap.writer import MCAP0_MAGIC
+
 from sain_core.errors import OutputError
 
+HEADER: Final = RecordBuilder()
+Header(Profile.ROS2, "sain_bags").write(HEADER)
+BEGINNING: Final = MCAP0_MAGIC + HEADER.end()  # of each file
 WHOLE: Final = ".whole"  # ends the name of a file's copy that is to replace it
 BESIDE: Final = re.compile(  # what else a recorder has in its folder; it is gone from a whole bag
     r"\.nodes\.json|\.\.nodes\.json\.\d+\.partial|\.metadata\.yaml\.part"
