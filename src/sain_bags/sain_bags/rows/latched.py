@@ -97,8 +97,7 @@ class Goals:
         self.faults: dict[int, str] = {}  # of goals that cannot be, by number
         self._given: list[tuple[int, int, int]] = []  # episode, time, number
         self._numbers: dict[bytes, int] = {}  # of goals, by all they ask for
-        self._asked = [_asked(None, MOST_BODIES)]
-        self._asked_alone = [_asked(None, 1)]  # the same, of a scene with one body
+        self._goals: list[Goal | None] = [None]  # by number; of one that cannot be nothing is asked
 
     def add(self, table: MessageTable, times: ndarray) -> None:
         """Add goals that were received at these times [ns since the epoch]."""
@@ -125,14 +124,15 @@ class Goals:
 
     def columns(self, goals: ndarray, count: int) -> Columns:
         """Return the goals (M,) of scenes that have so many bodies."""
-        asked = np.stack(self._asked_alone if count == 1 else self._asked)[:, :count][goals]
+        named, place = np.unique(goals, return_inverse=True)
+        asked = np.stack([_asked(self._goals[one], count) for one in named.tolist()])[place]
         parts = np.split(asked, (POSE, KEEP), axis=-1)
         flat = [np.ascontiguousarray(part).reshape(len(goals), -1) for part in parts]
         return {str(name): values for name, values in zip(POSED, flat, strict=True)}
 
     def _define(self, poses: ndarray, keep: ndarray, tolerance: float) -> int:
         """Add a goal that nothing asked for before; return its number."""
-        number = len(self._asked)
+        number = len(self._goals)
         message = SimpleNamespace(
             poses=[
                 SimpleNamespace(**dict(zip(POSE_NAMES, row, strict=True))) for row in poses.tolist()
@@ -140,13 +140,11 @@ class Goals:
             keep=keep.tolist(),
             keep_tolerance=tolerance,
         )
-        goal: Goal | None = None
+        self._goals.append(None)
         try:
-            goal = _checked(decode_goal(message))
+            self._goals[number] = _checked(decode_goal(message))
         except SainError as error:
             self.faults[number] = str(error)
-        self._asked.append(_asked(goal, MOST_BODIES))
-        self._asked_alone.append(_asked(goal and goal.fitted(1), 1))
         return number
 
 
@@ -173,14 +171,15 @@ def _checked(goal: Goal) -> Goal:
 def _asked(goal: Goal | None, count: int) -> ndarray:
     """Return what is asked of each body (count, 6): pose, tolerances, keep; NaN: nothing."""
     asked = np.full((count, KEEP + 1), np.nan)
-    for pose in goal.poses if goal else ():
+    if goal is None:
+        return asked
+    for pose in goal.fitted(count).poses:
         if pose.body < count:
             asked[pose.body, [X, Y, POSE]] = pose.x, pose.y, pose.tolerance
             if pose.heading is not None:
                 asked[pose.body, [THETA, POSE + 1]] = pose.heading, pose.heading_tolerance
-    for body in goal.keep if goal else ():
-        if body < count:
-            asked[body, KEEP] = goal.keep_tolerance if goal else np.nan
+    kept = [body for body in goal.keep if body < count]
+    asked[kept, KEEP] = goal.keep_tolerance
     return asked
 
 
