@@ -1,12 +1,10 @@
 """Faults of a table with a robot arm: its camera, its controller, its bodies and its processes.
 
-The laboratory's arm and table are nodes of this process, so what is really moved is known here.
+The bench's arm and table are nodes of this process, so what is really moved is known here.
 Driver, planner, model, scenes and enable signal are the processes that an owner of a robot runs.
 """
 
-import os
 import random
-import signal
 import time
 from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterator
@@ -15,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from math import inf
 from pathlib import Path
-from threading import Thread, Timer
+from threading import Thread
 from typing import Any, Final
 
 import numpy as np
@@ -25,21 +23,21 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
 from vision_msgs.msg import Detection3DArray
 
-from benchmarks.faults.running import own_domain
+from benchmarks.faults.running import NEVER, own_domain, strike
 from benchmarks.faults.table import Row
 from sain_arm.planning.push_events import Ended, Ending
-from sain_bringup.children import ProcessDiedError, RestartLimits
+from sain_bringup.bench import ENABLE, ROBOT, SERVER
+from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import (
     MODEL,
     PLANNER,
     RECORDER,
-    ROBOT,
     SCENES,
+    GraphOptions,
     graph_commands,
     restart_command,
     ros_arguments,
 )
-from sain_bringup.laboratory import ENABLE, SERVER, LaboratoryOptions
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.running import UNWATCHED
 from sain_core import wire
@@ -48,14 +46,15 @@ from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context, steady_timer
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import POSITION, THETA
-from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
 from sain_interfaces.msg import Goal, GoalPose, Plan, PushResult
+from sain_sim.bench.faults import NONE
 from sain_sim.ros.trajectory_server import TrajectoryServer
+from sain_sim.world.engines import MUJOCO
+from sain_sim.world.truth import MEASURED
 from sain_vision.detection.sighting import Sighting
 from sain_vision.ros.detections import encode_sightings
 
-NEVER: Final = RestartLimits(crashes=10**9)
 ENDING: Final = (ROBOT, ENABLE)  # processes whose death ends the graph, and stops the arm
 PACE: Final = 2.0
 FRAME: Final = 1.0 / 30.0  # [s]
@@ -72,6 +71,7 @@ DISABLED: Final = 0.8  # [s] from the last signal to rest: the time-out, a cance
 MOVES: Final = 0.05  # [rad/s], of a joint
 SHIFT: Final = 0.06  # [m], by a hand
 TOUCHED: Final = 0.003  # [m], of a body that was pushed
+IN_TOUCH: Final = 0.05  # [s] since the last touch, in which the tool pushes
 LOW: Final = 0.02  # [m], of a tip that may push
 EMPTY: Final = np.zeros((0, 0, 2))
 
@@ -81,17 +81,17 @@ class Table(TrajectoryServer):
 
     def __init__(self, bodies: Path) -> None:
         """Set the table."""
-        given = {"robot": "ur5", "bodies": str(bodies), "pace": PACE, "poses": False}
+        given: dict[str, Any] = {"cell.robot": "ur5", "engine": MUJOCO, "world": MEASURED}
+        given |= {"bodies": str(bodies), "pace": PACE, "poses": False}
         super().__init__(parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
-        self.file = read_bodies(bodies)
         self.orders: deque[Callable[[], None]] = deque()
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
         self.enabled_at = self.dark_until = self.covered_until = 0.0
         self.struck_by_hand = False
         self._lowered = self.by_hand = self.pushes = False
-        self._touched = 0
-        self._before = self.cell.observe()
+        self._touched, self._touched_at = 0, 0.0
+        self._before = self.bench.observe()
         self._sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
         self.create_subscription(Bool, "enable", self._on_enable, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, QUEUE)
@@ -105,7 +105,7 @@ class Table(TrajectoryServer):
     @property
     def moves(self) -> bool:
         """Whether a joint of the arm moves."""
-        return float(np.abs(self.cell.velocities).max()) > MOVES
+        return float(np.abs(self.bench.velocities).max()) > MOVES
 
     @property
     def executed(self) -> list[tuple[float, PushResult]]:
@@ -114,8 +114,8 @@ class Table(TrajectoryServer):
 
     @property
     def broken(self) -> list[str]:
-        """What the laboratory has counted that must not be."""
-        report = self.cell.report
+        """What the bench has counted that must not be."""
+        report = self.bench.report
         return [f"limit of {name}" for name in report.limits] + [
             f"contact of {names}" for names in report.contacts if not self.struck_by_hand
         ]
@@ -124,22 +124,22 @@ class Table(TrajectoryServer):
 
     def abort(self) -> None:
         """Stop as a robot does that was touched."""
-        self.controller.stop(self.cell.time)
+        self.bench.controller.stop(self.bench.time)
         self._end(Ending(Ended.ABORTED, "protective stop"))
 
     def move_by_hand(self) -> None:
         """Take the body away from the tool and put it down beside it."""
-        poses = self.cell.observe()[:, : THETA + 1].copy()
-        away = poses[0, :2] - self.cell.tip[:2]
+        poses = self.bench.observe()[:, : THETA + 1].copy()
+        away = poses[0, :2] - self.bench.tip[:2]
         poses[0, :2] += SHIFT * away / max(float(np.linalg.norm(away)), 1e-6)
         self.by_hand = self.struck_by_hand = True
-        self.cell.place(poses)
+        self.bench.place(poses)
 
     # --- what is seen ----------------------------------------------------------------------------
 
     def _see(self) -> None:
         now = time.monotonic()
-        poses = self.cell.observe()[:, : THETA + 1]
+        poses = self.bench.observe()[:, : THETA + 1]
         spread = np.array([NOISE[0], NOISE[0], NOISE[1]])
         seen = [
             Sighting(body, pose + spread * self._random.normal(size=3), np.diag(spread**2), EMPTY)
@@ -148,7 +148,7 @@ class Table(TrajectoryServer):
         ]
         stamp = self.get_clock().now().to_msg()
         if now > self.dark_until:
-            self._sees.publish(encode_sightings(seen, self.file, "world", stamp))
+            self._sees.publish(encode_sightings(seen, self.bench.bodies, "world", stamp))
 
     # --- what must not happen --------------------------------------------------------------------
 
@@ -156,9 +156,10 @@ class Table(TrajectoryServer):
         while self.orders:
             self.orders.popleft()()
         super()._tick()
-        touched, self._touched = self._touched, self.cell.report.tool
-        low = bool(self.cell.tip[2] < LOW)
-        self.pushes = low and self._touched > touched and self.controller.busy
+        touched, self._touched = self._touched, self.bench.report.tool
+        self._touched_at = time.monotonic() if self._touched > touched else self._touched_at
+        low, now = bool(self.bench.tip[2] < LOW), time.monotonic()
+        self.pushes = low and self.bench.controller.busy and now - self._touched_at < IN_TOUCH
         self._lowered |= low
         since = time.monotonic() - self.enabled_at
         if self.moves and since > DISABLED and "moved" not in " ".join(self.wrong[-1:]):
@@ -179,7 +180,7 @@ class Table(TrajectoryServer):
         if executed and any(one.push_id == message.push_id for _, one in self.executed):
             self.wrong.append(f"push {message.push_id} has two results")
         self.results.append((time.monotonic(), message))
-        now = self.cell.observe()
+        now = self.bench.observe()
         moved = float(np.linalg.norm((now - self._before)[:, POSITION], axis=1).max())
         if executed and not self._lowered:
             self.wrong.append(f"push {message.push_id} counts, and the tool was never lowered")
@@ -207,8 +208,13 @@ class Hall:
         stack = self._stack
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
-        options = LaboratoryOptions(model="planar", page=False, bag=self._folder / "bag")
-        self.table = Table(options.bodies_file)
+        seen = ObservationConfig(noise=",".join(map(str, NOISE)))
+        options = GraphOptions(
+            robot="ur5", engine=MUJOCO, faults=NONE, model="planar", camera=seen,
+            bag=self._folder / "bag",
+        )  # fmt: skip
+        assert options.bench is not None
+        self.table = Table(options.bench.bodies_file)
         executor = SingleThreadedExecutor()
         executor.add_node(self.table)
         thread = Thread(target=executor.spin, daemon=True)
@@ -217,8 +223,7 @@ class Hall:
         stack.callback(executor.shutdown, 5.0)
         thread.start()
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
-        seen = ObservationConfig(noise=",".join(map(str, NOISE)))
-        commands = graph_commands(replace(options, camera=seen), ros_arguments(()), self._folder)
+        commands = graph_commands(options, ros_arguments(()), self._folder)
         del commands[SERVER]  # it is in this process
         for name, command in commands.items():
             variables = UNWATCHED if name == ROBOT else {}
@@ -279,14 +284,14 @@ class Hall:
             return f"no end in {LONGEST:g} s", recovery
         if ends[-1].status == Plan.REACHED:
             off = float(
-                np.hypot(*(table.cell.observe()[0, POSITION] - [goal.poses[0].x, goal.poses[0].y]))
+                np.hypot(*(table.bench.observe()[0, POSITION] - [goal.poses[0].x, goal.poses[0].y]))
             )
             far = off > TOLERANCE + 3.0 * NOISE[0] and not table.by_hand
             return (f"called reached {1e3 * off:.0f} mm away" if far else REACHED), recovery
         return f"ended: {ends[-1].error_message or 'no push is left'}", recovery
 
     def _far_goal(self) -> Goal:
-        at = self.table.cell.observe()[0, POSITION]
+        at = self.table.bench.observe()[0, POSITION]
         x, y = at
         while np.hypot(x - at[0], y - at[1]) < FAR:
             x, y = (self.random.uniform(*both) for both in zip(*PLACES, strict=True))
@@ -297,20 +302,9 @@ class Hall:
         return Goal(header=header, goal_id=self._goals, max_pushes=40, poses=[pose])
 
 
-def kill(name: str) -> Callable[[Hall], None]:
-    """Return what kills a process."""
-    return lambda hall: os.kill(hall.process(name), signal.SIGKILL)
-
-
-def pause(name: str) -> Callable[[Hall], None]:
-    """Return what stops a process for some time."""
-
-    def stop(hall: Hall) -> None:
-        process = hall.process(name)
-        os.kill(process, signal.SIGSTOP)
-        Timer(LASTING, os.kill, (process, signal.SIGCONT)).start()
-
-    return stop
+def process(name: str, stopped: float = 0.0) -> Callable[[Hall], None]:
+    """Return what kills a process, or stops it for so long [s]."""
+    return lambda hall: strike(hall.process(name), stopped)
 
 
 def soon(hall: Hall) -> Callable[[], bool]:
@@ -339,9 +333,12 @@ FAULTS: Final[dict[str, tuple[Callable[[Hall], Callable[[], bool]], Callable[[Ha
     f"body covered for {LASTING:g} s": (soon, until("covered_until")),
     "a hand moves the body in a stroke": (in_stroke, at_table(Table.move_by_hand)),
     "the controller aborts a stroke": (in_stroke, at_table(Table.abort)),
-    f"the enable signal is lost in a stroke for {LASTING:g} s": (in_stroke, pause(ENABLE)),
-    **{f"SIGKILL: {name}": (soon, kill(name)) for name in (SCENES, MODEL, PLANNER)},
-    **{f"SIGKILL: {name} in a stroke": (in_stroke, kill(name)) for name in ENDING},
+    f"the enable signal is lost in a stroke for {LASTING:g} s": (
+        in_stroke,
+        process(ENABLE, LASTING),
+    ),
+    **{f"SIGKILL: {name}": (soon, process(name)) for name in (SCENES, MODEL, PLANNER)},
+    **{f"SIGKILL: {name} in a stroke": (in_stroke, process(name)) for name in ENDING},
 }
 
 

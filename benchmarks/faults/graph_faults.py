@@ -4,13 +4,9 @@ Killed and stopped processes, hostile input, and faults of a table with an arm. 
 below the nodes, which are those that users run.
 """
 
-import os
-import signal
 import sys
 import tempfile
-import threading
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -21,7 +17,7 @@ from rich.console import Console
 
 from benchmarks.faults.arm_faults import arm_faults
 from benchmarks.faults.hostile import PACKAGES, files, messages
-from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows
+from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows, strike
 from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
 from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
@@ -67,7 +63,9 @@ def strikes(
         laboratory = place / "laboratory" if name in LEARNING else None
         options = GraphOptions(bag=place / "bag", learn=str(laboratory or ""))
         with graph(place, options) as running:
-            striking = Strikes(running, partial(strike, kind), name, seed)
+            striking = Strikes(
+                running, partial(strike, stopped=STOPPED * (kind == "stop")), name, seed
+            )
             striking.repeat(tries)
         observed = running.observed
         lost = observed.twice + observed.broken
@@ -82,18 +80,6 @@ def learned_twice(path: Path) -> int:
     """Return how many pushes are in a laboratory more than once; raises where it is not whole."""
     digests = [one["digest"] for one in Laboratory(path).records() if one["kind"] == "push"]
     return len(digests) - len(set(digests))
-
-
-def strike(kind: str, process: int) -> None:
-    """Kill a process, or stop it for some time."""
-    os.kill(process, signal.SIGKILL if kind == "kill" else signal.SIGSTOP)
-
-    def go_on() -> None:
-        with suppress(ProcessLookupError):
-            os.kill(process, signal.SIGCONT)
-
-    if kind == "stop":
-        threading.Timer(STOPPED, go_on).start()
 
 
 def measure(options: Options, folder: Path) -> Iterator[Row]:

@@ -3,12 +3,14 @@
 import io
 import os
 import random
+import signal
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
+from threading import Timer
 from typing import Any, Final
 from unittest.mock import patch
 
@@ -87,6 +89,18 @@ class Observed:
             and not np.allclose(places(one.after), places(other.before), rtol=0.0, atol=SAME)
             for one, other in pairs
         )
+
+
+def strike(process: int, stopped: float = 0.0) -> None:
+    """Kill a process, or stop it for so long [s]."""
+    os.kill(process, signal.SIGSTOP if stopped else signal.SIGKILL)
+
+    def go_on() -> None:
+        with suppress(ProcessLookupError):
+            os.kill(process, signal.SIGCONT)
+
+    if stopped:
+        Timer(stopped, go_on).start()
 
 
 def places(scene: Scene) -> list[tuple[float, float, float]]:

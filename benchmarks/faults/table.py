@@ -17,7 +17,7 @@ HEAD: Final = ("Fault", "Tries", "Survived", "Lost", "Recovery: longest", "99 %"
 ABOUT: Final = """# Faults
 
 For users who rely on the graph. The faults below were made while it played `anywhere` episodes;
-those at the end while a UR5 in the laboratory brought a T to goals. `make faults` measures them and
+those at the end while a UR5 on the bench brought a T to goals. `make faults` measures them and
 writes this page.
 
 * **Survived**: the episode continued to its end.

@@ -1,37 +1,42 @@
-"""Four robot arms in the laboratory: 20 T-shaped bodies each, to poses within the arm's reach.
+"""Simulated robot arms: 20 T-shaped bodies each, to poses within the arm's reach.
 
-    ./env python -m benchmarks.results.arms [--robots ur5 so101] [--episodes 20]
+    ./env python -m benchmarks.results.arms [--robots ur5 so101] [--engine bullet] [--episodes 20]
 
-Poses are given. The planner takes nominal masses, and infers friction from pushes. The laboratory
-counts by itself what breaks a limit and what touches what. Writes results/arms.json.
+Poses are given. The planner takes nominal masses, and infers friction from pushes. What breaks a
+limit and what touches what is counted from the simulated joints. Writes results/arms.json.
 """
 
 import json
 import time
 from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tyro
 
-from sain_arm.laboratory.laboratory_config import LaboratoryConfig
-from sain_arm.laboratory.world import LaboratoryWorld
+from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_planner import PushPlanner
-from sain_arm.planning.reach import table_of_reach
-from sain_arm.robot.robot import Robot, read_robot
+from sain_arm.robot.robot import Robot
 from sain_core.config import Config, option
-from sain_core.errors import ConfigError
-from sain_core.feasibility import Feasibility
+from sain_core.errors import ConfigError, SainError
 from sain_core.goal import BodyPose, Goal
 from sain_core.output import OVERWRITE_HELP, claim_file, write_json
 from sain_core.randomness import generator
-from sain_core.scene import unit
+from sain_core.scene import MASS, unit
 from sain_core.shapes.body_file import BodyFile, parse_bodies
+from sain_core.types import PushArray, Scene
+from sain_core.world import Outcome
 from sain_eval.loop.closed_loop import agent_maker, play_goals
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
+from sain_sim.bench.bench import parameters_of
+from sain_sim.bench.report import RATE, Report
+from sain_sim.world.engines import ENGINES, MUJOCO
+from sain_sim.world.truth import TruthConfig, hidden_world
+from sain_sim.world.workcell import Sample, WorldConfig, steps_of
+from sain_sim.world.world import World
 
 SIZES = {"so101": 0.035}  # [m], radius of the T
 SIZE = 0.09
@@ -45,7 +50,10 @@ MOST_DRAWS = 10_000
 class ArmsOptions(Config):
     """Let robots push T-shaped bodies to poses."""
 
-    robots: tuple[str, ...] = option(("panda", "so101", "ur5", "xarm7"), "names or files")
+    robots: tuple[str, ...] = option(
+        ("paper_panda", "panda", "so101", "ur5", "xarm7"), "names or files"
+    )
+    engine: str = option(MUJOCO, "of the physics", choices=tuple(ENGINES))
     episodes: int = option(20, "of each robot", minimum=1)
     model: str = option("planar", "what the planner predicts with")
     tolerance: float = option(0.01, "of a goal", unit="m", minimum=0.001)
@@ -59,56 +67,90 @@ def main(options: ArmsOptions) -> None:
     claim_file(options.out, options.overwrite)
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     for name in options.robots:
-        found[name] = play_robot(name, options)
+        row = found[f"{name} {options.engine}"] = play_robot(name, options)
         write_json(options.out, found)
-        summary = {key: value for key, value in found[name].items() if key != "episodes"}
+        summary = {key: value for key, value in row.items() if key != "episodes"}
         print(name, json.dumps(summary), flush=True)
 
 
 def play_robot(name: str, options: ArmsOptions) -> dict[str, Any]:
     """Return what one robot achieved."""
-    robot, size = read_robot(name), SIZES.get(name, SIZE)
+    size = SIZES.get(name, SIZE)
     bodies = parse_bodies({"bodies": [{"shape": "t:flat", "radius": size, "role": "pushable"}]})
-    config = AgentConfig(feasibility=feasibility_of(robot))
-    episodes = [
-        play_episode(robot, bodies, config, seed, options) for seed in range(options.episodes)
-    ]
+    cell = arm_cell(name)
+    episodes = [play_episode(cell, bodies, seed, options) for seed in range(options.episodes)]
     return summary_of(episodes) | {"episodes": episodes}
 
 
-def feasibility_of(robot: Robot) -> Feasibility:
-    """Return what a robot can push."""
-    limits = replace(Feasibility().limits, tool_radius=robot.tool_radius)
-    return Feasibility(limits=limits, reach=table_of_reach(PushPlanner(robot)))
+def arm_cell(robot: str, aside: bool = False) -> WorldConfig:
+    """Return a cell with what a robot can push; after a push the arm may wait aside."""
+    cell = WorldConfig(robot, MotionConfig(), wait_aside=aside, full_motion=True)
+    return cell.fitted(PushPlanner(cell.arm, config=cell.motion))
+
+
+class ArmWorld:
+    """A robot and bodies of a file, with masses as in the file; counts what pushes break."""
+
+    def __init__(self, bodies: BodyFile, cell: WorldConfig, seed: int, engine: str) -> None:
+        """Draw what is hidden from a seed."""
+        truth = TruthConfig(hidden_world(engine), lab=seed, engine=engine)
+        self.cell = World(parameters_of(bodies, truth, seed), cell, engine)
+        self._masses, self._pushes, self._refused = bodies.masses, 0, list[str]()
+        self.report = Report(self.cell.robot, bodies.bodies, bodies.radii)
+        self._began, self._wall = self.cell.time, time.monotonic()
+
+    def reset(self, start: Scene) -> Scene:
+        """Put the bodies where a scene (N, 8) has them."""
+        self.cell.place(start)
+        return self.observe()
+
+    def observe(self) -> Scene:
+        """Return the bodies (N, 8)."""
+        return self._seen(self.cell.observe())
+
+    def push(self, push: PushArray, *, seen: Scene | None = None) -> Outcome:
+        """Push, and look at the arm all the way; raises as `World.push`."""
+        try:
+            outcome = self.cell.push(push, self._look, steps_of(1.0 / RATE), seen)
+        except SainError as error:
+            self._refused.append(f"{type(error).__name__}: {error}")
+            raise
+        self._pushes += 1
+        self._seen(outcome.before), self._seen(outcome.after)
+        return outcome
+
+    def counts(self) -> dict[str, Any]:
+        """Return all that was counted."""
+        times = {
+            "time": round(self.cell.time - self._began, 2),
+            "wall": round(time.monotonic() - self._wall, 1),
+        }
+        report = {"limits": dict(self.report.limits), "contacts": dict(self.report.contacts)}
+        return {"pushes": self._pushes, "refused": self._refused} | report | times
+
+    def _look(self, sample: Sample) -> None:
+        self.report.look(sample.joint_positions, sample.joint_velocities, sample.scene)
+
+    def _seen(self, scene: Scene) -> Scene:
+        scene[:, MASS] = self._masses
+        return scene
 
 
 def play_episode(
-    robot: Robot, bodies: BodyFile, config: AgentConfig, seed: int, options: ArmsOptions
+    cell: WorldConfig, bodies: BodyFile, seed: int, options: ArmsOptions
 ) -> dict[str, Any]:
     """Return what came of one episode."""
-    start, pose = draw_task(robot, bodies, config, seed, options.tolerance, options.turn)
-    world = LaboratoryWorld(robot, bodies, config.feasibility, LaboratoryConfig(seed=seed))
+    config = AgentConfig(feasibility=cell.feasibility)
+    world = ArmWorld(bodies, cell, seed, options.engine)
+    start, pose = draw_task(cell.arm, bodies, config, seed, options.tolerance, options.turn)
     world.reset(bodies.scene(start[None]))
-    began, wall = world.cell.time, time.monotonic()
     agent = agent_maker(options.model, config)(SCENARIOS["push_t"].scene(seed))
     played = play_goals(agent, world, [Goal((pose,))], bodies.bodies, MOST_PUSHES)
     episode = {"seed": seed, "solved": not played.failure, "failure": played.failure}
-    episode |= counts_of(world, began, wall)
-    print(robot.name, json.dumps(episode), flush=True)
+    episode |= world.counts()
+    world.cell.close()
+    print(cell.robot, json.dumps(episode), flush=True)
     return episode
-
-
-def counts_of(world: LaboratoryWorld, began: float, wall: float) -> dict[str, Any]:
-    """Return what a laboratory has counted since a time of its own and one of the wall [s]."""
-    report = world.cell.report
-    return {
-        "pushes": world.pushes,
-        "refused": list(world.refused),
-        "limits": dict(report.limits),
-        "contacts": dict(report.contacts),
-        "time": round(world.cell.time - began, 2),
-        "wall": round(time.monotonic() - wall, 1),
-    }
 
 
 def draw_task(

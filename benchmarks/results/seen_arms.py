@@ -1,16 +1,14 @@
-"""A robot arm that sees by images alone: bodies are pushed to goals in the laboratory.
+"""A robot arm that sees by images alone: bodies are pushed to goals in simulation.
 
     ./env python -m benchmarks.results.seen_arms --see tags --task push_t [--episodes 100]
 
-Images, detection, scenes, planning, the arm's way, its controller and MuJoCo are the parts that run
-in the graph; there are no topics in between and no wall clock. Goals are judged by the simulation,
-not by what was seen. Episodes that are in the file already are not played again.
+Images, detection, scenes, planning, the arm's way and MuJoCo are the parts that run in the graph;
+there are no topics in between, no wall clock. After each push the arm waits aside. Goals are judged
+by the simulation, not by what was seen. Episodes in the file are not played again.
 """
 
 import json
-import time
 from collections.abc import Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -22,19 +20,16 @@ import tyro
 from benchmarks.results.arms import (
     MOST_PUSHES,
     ROOM,
-    counts_of,
+    ArmWorld,
+    arm_cell,
     draw_task,
-    feasibility_of,
     summary_of,
 )
-from sain_arm.laboratory.laboratory_config import LaboratoryConfig
-from sain_arm.laboratory.world import LaboratoryWorld
-from sain_arm.planning.push_planner import ASIDE
-from sain_arm.robot.robot import SHIPPED, Robot, read_robot
+from sain_arm.robot.robot import SHIPPED, Robot
 from sain_bringup.graph import OUTLINES, SEEN_NOISE, TAGS
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.config import Config, option
-from sain_core.errors import BlockedError, ErrorCode, SainError, UnreachableError
+from sain_core.errors import ErrorCode, SainError
 from sain_core.goal import BodyPose, Goal
 from sain_core.output import OVERWRITE_HELP, claim_file, write_json
 from sain_core.randomness import generator
@@ -47,6 +42,8 @@ from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.play import Sight
 from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_sim.camera.renderer import image_camera
+from sain_sim.world.engines import MUJOCO
+from sain_sim.world.workcell import WorldConfig, steps_of
 from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.sighting import Sighting
@@ -58,7 +55,6 @@ from sain_vision.scene.scene_tracker import SceneTracker
 ANYWHERE = "anywhere"
 PUSH_T = "push_t"
 LATENCY = 0.06  # [s], from an image to the pose in it
-HIDDEN = 1.5  # [s] without a scene at rest, after which the arm goes out of sight
 PATIENCE = 12.0  # [s], then nothing is seen
 
 
@@ -78,19 +74,20 @@ class SeenArmsOptions(Config):
 
 
 class ImageSight(Sight):
-    """Sees a laboratory by its camera's images alone. Its time is the laboratory's."""
+    """Sees a world by its camera's images alone. Its time is that of the world."""
 
-    world: LaboratoryWorld
+    world: ArmWorld
 
-    def __init__(self, world: LaboratoryWorld, bodies: BodyFile, see: str, seed: int) -> None:
+    def __init__(self, world: ArmWorld, bodies: BodyFile, see: str, seed: int) -> None:
         """Stand over the table."""
         super().__init__(world)
         config = ImageCameraConfig()
         if see == OUTLINES:
             config = replace(config, width=640, height=480, detail=1.0)
-        arm = world.cell.robot
-        self._camera = image_camera(config, arm, bodies.bodies, bodies.radii, tags=bodies.tags)
-        self._period = 1.0 / config.rate
+        self._camera = image_camera(
+            config, world.cell.robot, bodies.bodies, bodies.radii, tags=bodies.tags
+        )
+        self._steps = steps_of(1.0 / config.rate)
         size, lens = (config.width, config.height), np.array(config.distortion)
         self._model = CameraModel(*size, config.matrix, lens, *config.stated_pose)
         self._random = generator(seed, "images")
@@ -103,7 +100,7 @@ class ImageSight(Sight):
 
     @property
     def time(self) -> float:
-        """Time of the laboratory [s]."""
+        """Time of the world [s]."""
         return self.world.cell.time
 
     def look(self) -> Iterator[tuple[Scene, float]]:
@@ -126,21 +123,21 @@ class ImageSight(Sight):
         return tracker.scene()
 
     def _await_rest(self) -> bool:
-        """Take images until bodies rest; the arm goes home where it may hide some."""
-        began, turns = self.time, list(ASIDE)
+        """Take images until bodies rest."""
+        began = self.time
         while self.time < began + PATIENCE:
             self._take()
             if self.tracker.settled:
                 return True
-            if turns and self.time > began + HIDDEN * (1 + len(ASIDE) - len(turns)):
-                with suppress(UnreachableError, BlockedError):
-                    self.world.clear_view(self.world.observe(), turns.pop(0))
         return False
 
     def _take(self) -> None:
-        self.world.rest(self._period)
-        cell, stamp = self.world.cell, self.time
-        shot = self._camera.take(cell.joints, cell.observe(), self._random)
+        world = self.world.cell
+        joints, _ = world.joint_states()
+        for _ in range(self._steps):
+            world.step(joints, np.zeros_like(joints))
+        stamp = self.time
+        shot = self._camera.take(joints, world.observe(), self._random)
         seen = {
             one.body: Observed(one.pose, one.covariance)
             for one in self._found(shot.colour, shot.depth)
@@ -154,7 +151,7 @@ class ImageSight(Sight):
             return locator.locate(finder.find(grey), self._model)[0]
         metres = np.where(depth > 0, depth * 1e-3, np.nan)
         known = {body: [pose] for body, pose in self._last.items()}
-        arm = self._mask.draw(self.world.cell.joints, self._model)
+        arm = self._mask.draw(self.world.cell.joint_states()[0], self._model)
         found = self._outlines.find(metres, self._model, known, arm=arm)[0]
         self._last |= {one.body: one.pose for one in found}
         return found
@@ -167,13 +164,13 @@ def main(options: SeenArmsOptions) -> None:
     found: dict[str, Any] = json.loads(options.out.read_text()) if options.out.exists() else {}
     name = f"{options.robot} {options.task} {options.see}"
     rows = found.setdefault(name, {"settings": repr(options), "episodes": []})["episodes"]
-    robot = read_robot(options.robot)
+    cell = arm_cell(options.robot, aside=True)
     estimator = EstimatorConfig(noise=SEEN_NOISE[options.see], unknown="mass")
-    config = AgentConfig(feasibility=feasibility_of(robot), estimator=estimator)
-    for seed, bodies, poses, goal in cases(options, robot, config):
+    config = AgentConfig(feasibility=cell.feasibility, estimator=estimator)
+    for seed, bodies, poses, goal in cases(options, cell.arm, config):
         if seed in [row["seed"] for row in rows]:
             continue
-        rows.append(play_episode(robot, bodies, poses, goal, config, seed, options))
+        rows.append(play_episode(cell, bodies, poses, goal, config, seed, options))
         found[name]["summary"] = summary_of(rows)
         write_json(options.out, found)
         print(json.dumps(rows[-1]), flush=True)
@@ -209,7 +206,7 @@ def cases(
 
 
 def play_episode(
-    robot: Robot,
+    cell: WorldConfig,
     bodies: BodyFile,
     poses: np.ndarray,
     goal: BodyPose,
@@ -218,10 +215,9 @@ def play_episode(
     options: SeenArmsOptions,
 ) -> dict[str, Any]:
     """Return what came of one episode."""
-    world = LaboratoryWorld(robot, bodies, config.feasibility, LaboratoryConfig(seed=seed))
+    world = ArmWorld(bodies, cell, seed, MUJOCO)
     world.reset(bodies.scene(poses))
     sight = ImageSight(world, bodies, options.see, seed)
-    began, wall = sight.time, time.monotonic()
     agent = agent_maker(options.model, config)(SCENARIOS[options.task].scene(seed))
     played = play_goals(agent, sight, [Goal((goal,))], bodies.bodies, MOST_PUSHES)
     pose = world.observe()[goal.body, POSE]
@@ -233,7 +229,7 @@ def play_episode(
         "failure": played.failure,
         "off_mm": round(1e3 * off, 2),
         "turn": round(abs(turn), 4),
-    } | counts_of(world, began, wall)
+    } | world.counts()
 
 
 if __name__ == "__main__":

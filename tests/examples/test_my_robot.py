@@ -135,7 +135,7 @@ def test_two_foreign_robots_are_named_and_nothing_is_pushed(graph, robot):
 def test_the_whole_graph_runs_without_a_simulator(ros_domain, tmp_path):
     variables, site = install("my_robot", tmp_path), tmp_path / "site"
     robot, bodies = site / "bin" / "robot_node", site / "my_robot" / "bodies.yaml"
-    graph = [str(executable("sain_bringup", "graph")), "--robot", str(robot), "--bodies"]
+    graph = [str(executable("sain_bringup", "graph")), "--driver", str(robot), "--bodies"]
     graph += [str(bodies), "--noise", NOISE, "--model", "planar", "--bag", str(tmp_path / "bag")]
     with subprocess.Popen(graph, env=variables, stdout=subprocess.PIPE, text=True) as running:
         try:

@@ -37,7 +37,7 @@ BODIES = str(Path(__file__).with_name("bodies.yaml"))
 PLACE = (0.5, 0.0, 0.0, 0.5, 0.13, 0.0)
 
 
-class Laboratory:
+class Table:
     """The nodes of a robot, without planner and model, and an enable signal."""
 
     def __init__(self, graph: Any, arm: dict[str, Any], server: dict[str, Any]) -> None:
@@ -53,8 +53,8 @@ class Laboratory:
         self.enabled = False
         self.signals = graph.bystander.create_publisher(Bool, "enable", RELIABLE)
         graph.bystander.create_timer(0.05, self._beat)
-        server = {"pace": 2.0, "place": PLACE} | server
-        self.server = graph.start(TrajectoryServer, robot="ur5", bodies=BODIES, **server)
+        server = {"cell.robot": "ur5", "engine": "mujoco", "pace": 2.0, "place": PLACE} | server
+        self.server = graph.start(TrajectoryServer, bodies=BODIES, **server)
         patient = {"enable_timeout": 10.0, "joints_timeout": 2.0, "patience": 15.0}
         patient["scene_timeout"] = 5.0  # one thread does all
         arm = {"robot": "ur5"} | patient | arm
@@ -116,10 +116,10 @@ def make(graph, monkeypatch):
     reach = reach_of("ur5")  # takes seconds: before the clocks of nodes run
     monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: reach)
 
-    def make(arm: dict[str, Any] | None = None, **server: Any) -> Laboratory:
-        lab = Laboratory(graph, arm or {}, server)
+    def make(arm: dict[str, Any] | None = None, **server: Any) -> Table:
+        table = Table(graph, arm or {}, server)
         graph.wait(lambda: graph.heard["reach_table"], "the table of reach")
-        return lab
+        return table
 
     return make
 
@@ -130,11 +130,11 @@ def moved(result: Any) -> np.ndarray:
 
 
 def test_pushes_are_made_and_answered(graph, make):
-    lab = make()
-    lab.enabled = True
-    first = lab.scene.scene_id
+    table = make()
+    table.enabled = True
+    first = table.scene.scene_id
     for number, push in enumerate([(0.0, 0.0, 0.06), (-2.0, 0.3, 0.05)]):
-        result = lab.execute(push)
+        result = table.execute(push)
         assert result.error_code == ErrorCode.OK, result.error_message
         assert (result.before.scene_id, result.after.scene_id) == (
             first + number,
@@ -142,36 +142,36 @@ def test_pushes_are_made_and_answered(graph, make):
         )
         assert 0.02 < moved(result)[0] < 0.08
         assert moved(result)[1] < 0.002
-        lab.settle(first + number + 1)
-    report = lab.server.cell.report
+        table.settle(first + number + 1)
+    report = table.server.bench.report
     assert (report.limits, report.contacts) == ({}, {})
     assert report.tool > 0
 
 
 def test_a_push_is_refused_with_the_code_of_its_reason(graph, make):
-    lab = make()
-    lab.enabled = True
+    table = make()
+    table.enabled = True
     for push, ids, code, text in (
         ((0.0, 0.0, 0.9), {}, ErrorCode.OUT_OF_RANGE, "push length is 0.9"),
         ((0.0, 0.0, 0.1), {"scene_id": 99}, ErrorCode.STALE_SCENE, "planned from scene 99"),
         ((0.0, 0.0, 0.1), {"episode_id": 99}, ErrorCode.UNKNOWN_EPISODE, "for episode 99"),
         ((-1.5708, 0.0, 0.05), {}, ErrorCode.BLOCKED, "pass another body"),
     ):
-        result = graph.result(lab.push(push, **ids))
+        result = graph.result(table.push(push, **ids))
         assert result.error_code == code, result.error_message
         assert text in result.error_message
         assert result.before == result.after
-    lab.approach()
-    assert graph.result(lab.push()).error_code == ErrorCode.BUSY
+    table.approach()
+    assert graph.result(table.push()).error_code == ErrorCode.BUSY
 
 
 def test_a_push_waits_for_the_table_of_reach(graph, monkeypatch):
     reach, found = reach_of("ur5"), Event()
     monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
-    lab = Laboratory(graph, {}, {})
-    lab.enabled = True
-    push_id = lab.push()
-    graph.wait(lambda: lab.arm.phase == "waits", "the push")
+    table = Table(graph, {}, {})
+    table.enabled = True
+    push_id = table.push()
+    graph.wait(lambda: table.arm.phase == "waits", "the push")
     found.set()
     assert graph.result(push_id).error_code == ErrorCode.OK
 
@@ -185,61 +185,61 @@ def test_a_push_waits_for_the_table_of_reach(graph, monkeypatch):
     ],
 )
 def test_a_bad_scene_is_named_once_and_moves_nothing(graph, make, capfd, values, text):
-    lab = make()
-    lab.enabled = True
-    graph.wait(lambda: lab.arm.driver.scene is not None, "a good scene")
-    bad = deepcopy(lab.scene)
+    table = make()
+    table.enabled = True
+    graph.wait(lambda: table.arm.driver.scene is not None, "a good scene")
+    bad = deepcopy(table.scene)
     for disk in bad.disks:
         for name, value in (values or {}).items():
             setattr(disk, name, value)
     bad.disks = bad.disks if values else []
     for _ in range(10):
-        lab.scenes.publish(bad)
+        table.scenes.publish(bad)
         graph.spin(0.05)
-    graph.wait(lambda: text in lab.report(), "the report")
-    assert lab.arm.driver.scene.shape == (2, 8)
+    graph.wait(lambda: text in table.report(), "the report")
+    assert table.arm.driver.scene.shape == (2, 8)
     lines = [one for one in capfd.readouterr().err.splitlines() if "[WARN]" in one]
     ignored = [one for one in lines if "arm_node]: a message on scene is ignored: " in one]
     assert len(ignored) == 1 and text in ignored[0]
-    push_id = lab.approach()
-    graph.stop(lab.converter)  # from here on no good one comes
+    push_id = table.approach()
+    graph.stop(table.converter)  # from here on no good one comes
     bad.header.stamp = graph.bystander.get_clock().now().to_msg()
-    lab.scenes.publish(bad)
-    before = lab.server.cell.observe()
+    table.scenes.publish(bad)
+    before = table.server.bench.observe()
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.STALE_SCENE, result.error_message
     assert "the latest scene was refused: " in result.error_message
     assert text in result.error_message
-    np.testing.assert_allclose(lab.server.cell.observe(), before, atol=1e-4)
+    np.testing.assert_allclose(table.server.bench.observe(), before, atol=1e-4)
 
 
 def test_two_that_disagree_about_the_enable_signal_are_named_and_nothing_moves(graph, make):
-    lab = make()
-    lab.enabled = True
-    graph.wait(lambda: lab.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
+    table = make()
+    table.enabled = True
+    graph.wait(lambda: table.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
     pendant = graph.add(Node("pendant", namespace="sain", context=graph.context))
     publisher = pendant.create_publisher(Bool, "enable", RELIABLE)
     publisher.publish(Bool(data=False))
-    graph.wait(lambda: lab.arm.enable.state(monotonic()) is not Enabled.YES, "false to count")
+    graph.wait(lambda: table.arm.enable.state(monotonic()) is not Enabled.YES, "false to count")
     pendant.create_timer(0.5, lambda: publisher.publish(Bool(data=False)))
-    before = lab.joints()
-    result = graph.result(lab.push())
+    before = table.joints()
+    result = graph.result(table.push())
     assert result.error_code == ErrorCode.BUSY
     text = "not enabled: /sain/bystander and /sain/pendant disagree on /sain/enable"
     assert text in result.error_message
-    assert text in lab.report()
-    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+    assert text in table.report()
+    np.testing.assert_allclose(table.joints(), before, atol=1e-3)
 
 
 def test_false_counts_before_a_goal_is_sent_also_where_it_waits_behind_other_messages(graph, make):
-    lab = make()
-    lab.enabled = True
-    graph.wait(lambda: lab.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
+    table = make()
+    table.enabled = True
+    graph.wait(lambda: table.arm.enable.state(monotonic()) is Enabled.YES, "the enable signal")
     for enabled in [True] * 8 + [False]:
-        lab.signals.publish(Bool(data=enabled))
+        table.signals.publish(Bool(data=enabled))
     sleep(0.3)  # they are on their way, and nothing is called back
-    assert lab.arm.enable.state(monotonic()) is Enabled.YES
-    state = lab.arm.arm_state()  # of which nothing is sent: see test_push_execution.py
+    assert table.arm.enable.state(monotonic()) is Enabled.YES
+    state = table.arm.arm_state()  # of which nothing is sent: see test_push_execution.py
     assert "the arm is not enabled: false is published" in state.stopped
 
 
@@ -255,37 +255,37 @@ class Frozen:
 
 
 def test_a_push_is_made_where_its_body_was_moved_though_the_joints_states_are_frozen(graph, make):
-    lab = make()
-    lab.enabled = True
-    push_id = lab.push((0.0, 0.0, 0.1))
-    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
-    lab.server._states = Frozen(lab.server._states, lab.joints().tolist())
+    table = make()
+    table.enabled = True
+    push_id = table.push((0.0, 0.0, 0.1))
+    graph.wait(lambda: table.arm.phase == "pushes", "the stroke")
+    table.server._states = Frozen(table.server._states, table.joints().tolist())
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.OK, result.error_message
     assert moved(result)[0] > 0.02
-    lab.settle(result.after.scene_id)
-    again = graph.result(lab.push())  # the arm is not where its joints are said to be
+    table.settle(result.after.scene_id)
+    again = graph.result(table.push())  # the arm is not where its joints are said to be
     assert again.error_code == ErrorCode.BUSY
     assert "/joint_states did not follow the arm's last goal" in again.error_message
 
 
 def test_states_of_joints_that_cannot_be_stop_the_arm(graph, make):
-    lab = make()
-    lab.enabled = True
-    push_id = lab.approach((0.0, 0.0, 0.1))
-    lab.server._states = Frozen(lab.server._states, np.degrees(lab.joints()).tolist())
+    table = make()
+    table.enabled = True
+    push_id = table.approach((0.0, 0.0, 0.1))
+    table.server._states = Frozen(table.server._states, np.degrees(table.joints()).tolist())
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.CANCELLED
     assert "it looks like degrees" in result.error_message
-    graph.wait(lambda: "looks like degrees" in lab.report(), "the report")
+    graph.wait(lambda: "looks like degrees" in table.report(), "the report")
     assert moved(result).max() < 1e-3
-    assert not lab.server.controller.busy
+    assert not table.server.bench.controller.busy
 
 
 def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph, make):
-    lab = make()
-    server, robot = lab.server, lab.server.robot
-    home = server.cell.joints
+    table = make()
+    server, robot = table.server, table.server.bench.robot
+    home = server.bench.joints
     good = encode(Trajectory(np.array([0.0, 1.0]), np.stack([home] * 2), np.zeros((2, 6))), robot)
     assert server._problem(FollowJointTrajectory.Goal(trajectory=good)) == ""
     for change, text in (
@@ -305,34 +305,37 @@ def test_a_trajectory_that_cannot_be_is_rejected_with_the_reason(graph, make):
 
 
 def test_without_the_enable_signal_nothing_moves(graph, make):
-    lab = make()
-    before = lab.joints()
-    result = graph.result(lab.push())
+    table = make()
+    before = table.joints()
+    result = graph.result(table.push())
     assert result.error_code == ErrorCode.BUSY
     assert "nobody publishes true on /sain/enable" in result.error_message
-    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+    np.testing.assert_allclose(table.joints(), before, atol=1e-3)
 
 
-def lose_signal(graph: Any, make: Any) -> Laboratory:
+def lose_signal(graph: Any, make: Any) -> Table:
     """In a stroke, which stops and counts."""
-    lab = make({"enable_timeout": 1.0}, pace=1.0)
-    lab.enabled = True
-    push_id = lab.push((0.0, 0.0, 0.12))
-    graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
-    lab.enabled = False
+    table = make({"enable_timeout": 1.0}, pace=1.0)
+    table.enabled = True
+    push_id = table.push((0.0, 0.0, 0.12))
+    graph.wait(
+        lambda: table.arm.phase == "pushes" and table.server.bench.report.tool > 2, "contact"
+    )
+    table.enabled = False
     graph.wait(
         lambda: (
-            lab.arm.enable.state(monotonic()) is not Enabled.YES and not lab.server.controller.busy
+            table.arm.enable.state(monotonic()) is not Enabled.YES
+            and not table.server.bench.controller.busy
         ),
         "the stop",
     )
-    stopped = lab.server.cell.tip
+    stopped = table.server.bench.tip
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.OK
     assert moved(result)[0] > 0.001
-    graph.wait(lambda: lab.arm.phase == "rests", "the end")
-    np.testing.assert_allclose(lab.server.cell.tip, stopped, atol=0.02)  # it brakes
-    return lab
+    graph.wait(lambda: table.arm.phase == "rests", "the end")
+    np.testing.assert_allclose(table.server.bench.tip, stopped, atol=0.02)  # it brakes
+    return table
 
 
 def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph, make):
@@ -340,9 +343,9 @@ def test_a_stroke_whose_enable_signal_is_lost_stops_and_counts(graph, make):
 
 
 def test_after_a_stopped_stroke_it_lifts_off_first(graph, make):
-    lab = lose_signal(graph, make)
-    lab.enabled = True
-    again = lab.execute((3.0, 0.0, 0.05))
+    table = lose_signal(graph, make)
+    table.enabled = True
+    again = table.execute((3.0, 0.0, 0.05))
     assert again.error_code == ErrorCode.OK, again.error_message
 
 
@@ -351,12 +354,12 @@ def test_after_a_stopped_stroke_it_lifts_off_first(graph, make):
 )
 def test_a_controller_that_aborts(graph, make, every, at, code):
     """In a stroke: the tool retreats, and the push counts. In an approach: nothing was pushed."""
-    lab = make(abort_at=at, abort_every=every)
-    lab.enabled = True
-    result = graph.result(lab.push((0.0, 0.0, 0.12)))
+    table = make(faults=f"abort={at},every={every}")
+    table.enabled = True
+    result = graph.result(table.push((0.0, 0.0, 0.12)))
     assert result.error_code == code, result.error_message
     if code == ErrorCode.OK:
-        assert lab.server.cell.tip[2] > 0.05
+        assert table.server.bench.tip[2] > 0.05
         assert 0.0 < moved(result)[0] < 0.1
     else:
         assert "protective stop" in result.error_message
@@ -364,11 +367,11 @@ def test_a_controller_that_aborts(graph, make, every, at, code):
 
 
 def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph, make):
-    lab = make(abort_at=0.5, abort_every=2)
-    lab.enabled = True
-    push_id = lab.push((0.0, 0.0, 0.12))
-    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
-    lab.arm.destroy_subscription(lab.arm._inputs.pop(0))  # states are late from here on
+    table = make(faults="abort=0.5,every=2")
+    table.enabled = True
+    push_id = table.push((0.0, 0.0, 0.12))
+    graph.wait(lambda: table.arm.phase == "pushes", "the stroke")
+    table.arm.destroy_subscription(table.arm._inputs.pop(0))  # states are late from here on
     result = graph.result(push_id)
     assert result.error_code == ErrorCode.OK, result.error_message
     assert moved(result)[0] > 0.003
@@ -376,9 +379,9 @@ def test_states_from_before_an_abort_do_not_tell_that_nothing_moved(graph, make)
 
 def test_a_controller_that_answers_twice_is_not_believed(graph, make):
     """Its first answers come before the arm has moved."""
-    lab = make(twice=True)
-    lab.enabled = True
-    result = lab.execute()
+    table = make(faults="twice")
+    table.enabled = True
+    result = table.execute()
     for answer in graph.heard["push_result"]:
         before, _, after = wire.decode_result(answer)
         pushed = np.abs(after - before)[:, :2].max() > 1e-3
@@ -387,15 +390,15 @@ def test_a_controller_that_answers_twice_is_not_believed(graph, make):
 
 
 def test_a_dry_run_shows_the_way_and_moves_nothing(graph, make):
-    lab = make({"dry_run": True})
-    before = lab.joints()
-    result = graph.result(lab.push())
+    table = make({"dry_run": True})
+    before = table.joints()
+    result = graph.result(table.push())
     assert result.error_code == ErrorCode.CANCELLED
     assert "the way is possible; nothing was moved" in result.error_message
     graph.wait(lambda: graph.heard["ghost"], "the ghost")
     tip = next(m for m in graph.heard["ghost"][-1].markers if m.ns == "tip" and m.id == 1)
     assert min(point.z for point in tip.points) == pytest.approx(0.01, abs=1e-3)
-    np.testing.assert_allclose(lab.joints(), before, atol=1e-3)
+    np.testing.assert_allclose(table.joints(), before, atol=1e-3)
 
 
 def test_a_controller_that_is_not_there_is_named(graph, make, tmp_path):
@@ -404,9 +407,9 @@ def test_a_controller_that_is_not_there_is_named(graph, make, tmp_path):
     file = tmp_path / "other.yaml"
     text = (SHIPPED / "ur5.yaml").read_text()
     file.write_text(text.replace("scaled_joint_trajectory_controller", "other_controller"))
-    lab = make({"robot": str(file)})
-    lab.enabled = True
-    result = graph.result(lab.push())
+    table = make({"robot": str(file)})
+    table.enabled = True
+    result = graph.result(table.push())
     assert result.error_code == ErrorCode.BUSY
     text = "no controller serves /other_controller/follow_joint_trajectory; is it active?"
     assert text in result.error_message
@@ -414,25 +417,27 @@ def test_a_controller_that_is_not_there_is_named(graph, make, tmp_path):
 
 def test_who_releases_the_arm_stops_the_controller_itself(graph, make):
     """As if `arm_node` were dead: it still has its signal."""
-    lab = make()
-    lab.enabled = True
-    push_id = lab.push((0.0, 0.0, 0.12))
-    graph.wait(lambda: lab.arm.phase == "pushes" and lab.server.cell.report.tool > 20, "contact")
-    answer = cancel_all(graph.bystander, lab.server.robot.controller)
+    table = make()
+    table.enabled = True
+    push_id = table.push((0.0, 0.0, 0.12))
+    graph.wait(
+        lambda: table.arm.phase == "pushes" and table.server.bench.report.tool > 2, "contact"
+    )
+    answer = cancel_all(graph.bystander, table.server.bench.robot.controller)
     graph.wait(answer.done, "the answer of the controller")
     assert len(answer.result().goals_canceling) == 1
     assert graph.result(push_id).error_code == ErrorCode.OK
 
 
 def test_the_arm_goes_home_where_it_may_hide_a_body(graph, make):
-    lab = make()
-    lab.enabled = True
-    push_id = lab.push()
-    graph.wait(lambda: lab.arm.phase == "pushes", "the stroke")
-    poses, lab.server._poses = lab.server._poses, None
-    home = lab.arm.robot.home
-    graph.wait(lambda: np.abs(lab.joints() - home).max() < 0.02, "the arm at home")
-    lab.server._poses = poses
+    table = make()
+    table.enabled = True
+    push_id = table.push()
+    graph.wait(lambda: table.arm.phase == "pushes", "the stroke")
+    poses, table.server._poses = table.server._poses, None
+    home = table.arm.robot.home
+    graph.wait(lambda: np.abs(table.joints() - home).max() < 0.02, "the arm at home")
+    table.server._poses = poses
     assert graph.result(push_id).error_code == ErrorCode.OK
-    report = lab.server.cell.report
+    report = table.server.bench.report
     assert (report.limits, report.contacts) == ({}, {})

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sain_arm.laboratory.cell import Cell
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.timing import Trajectory
 from sain_core.errors import BlockedError, SainError, UnreachableError
@@ -83,26 +82,6 @@ def test_ways_of_random_pushes(planned):
             assert cruise.max() == pytest.approx(stroke.speed, rel=0.05)
         joints = plan.stroke.positions[-1]
     assert len(refused) <= 1, refused
-
-
-def test_only_the_tool_touches_in_a_simulation_of_its_own(ur5):
-    from sain_core.shapes.body_file import parse_bodies
-
-    shapes = zip(("t:flat", "disk:flat"), ur5.radii, strict=True)
-    file = parse_bodies(
-        {"bodies": [{"shape": shape, "radius": radius} for shape, radius in shapes]}
-    )
-    cell = Cell(ur5.robot, file)
-    for seed in range(1):
-        stroke, scene = random_push(ur5, seed)
-        cell.home()
-        cell.place(scene[:, :3])
-        plan = ur5.planner.plan(stroke, scene, cell.joints)
-        for part in (plan.approach, plan.stroke):
-            began = cell.time
-            while cell.time < began + part.duration:
-                cell.step(*part.at(cell.time - began))
-    assert (cell.report.limits, cell.report.contacts) == ({}, {})
 
 
 def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5):

@@ -82,11 +82,11 @@ def test_what_is_not_installed_is_named(prefix):
 ROBOT = "bodies: [{shape: disk, radius: 0.08, mass: 8.0}, {shape: disk, radius: 0.06%s}]\n"
 
 
-def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
+def test_a_driver_takes_the_place_of_the_simulator(tmp_path):
     bodies = tmp_path / "bodies.yaml"
     bodies.write_text(ROBOT % "")
     seen = ObservationConfig(noise="0.001,0.01")
-    options = GraphOptions(robot="python3 'my driver.py' -v", bodies=bodies, camera=seen)
+    options = GraphOptions(driver="python3 'my driver.py' -v", bodies=bodies, camera=seen)
     graph = replace(options, record=False)
     commands = graph_commands(graph, ["-r", "__ns:=/lab"], tmp_path)
     assert list(commands) == ["model", "robot", "scenes", "planner"]
@@ -100,34 +100,70 @@ def test_a_robot_takes_the_place_of_the_simulator(tmp_path):
     assert restart_command("robot", commands["robot"]) == []
     assert restart_command("scenes", commands["scenes"]) == commands["scenes"]
     bodies.write_text(ROBOT % ", mass: 8.0")
-    known = graph_commands(replace(graph, robot="elsewhere"), [], tmp_path)
+    known = graph_commands(replace(graph, driver="elsewhere"), [], tmp_path)
     assert list(known) == ["model", "scenes", "planner"]
     assert "estimator.unknown:=mass" not in known["planner"]
 
 
-def test_a_robot_sees_by_a_camera(tmp_path):
+@pytest.mark.parametrize("source", [{"driver": "elsewhere"}, {"faults": "none"}])
+def test_a_robot_sees_by_a_camera(tmp_path, source):
     bodies = tmp_path / "bodies.yaml"
     bodies.write_text(ROBOT % ", tags: 1")
-    options = GraphOptions(robot="elsewhere", bodies=bodies, see="tags", record=False)
+    options = GraphOptions(bodies=bodies, see="tags", record=False, **source)
     commands = graph_commands(options, [], tmp_path)
-    assert list(commands) == ["model", "tags", "scenes", "planner"]
+    assert [name for name in commands if name not in ("bench", "robot", "enable")] == [
+        "model", "tags", "scenes", "planner",
+    ]  # fmt: skip
     assert f"bodies:={bodies}" in commands["tags"]
     assert {f"bodies:={bodies}", "noise:=0.0005,0.005"} <= set(commands["scenes"])
     assert "estimator.noise:=0.0005,0.005" in commands["planner"]
     assert not any("use_sim_time:=true" in command for command in commands.values())
 
 
+def test_a_robot_is_simulated_with_its_tool(tmp_path):
+    commands = graph_commands(GraphOptions(robot="so101", record=False), [], tmp_path)
+    assert "cell.robot:=so101" in commands["simulator"]
+    assert "feasibility.limits.tool_radius:=0.008" in commands["planner"]
+    usual = graph_commands(GraphOptions(record=False), [], tmp_path)
+    assert not any("cell.robot" in word for word in usual["simulator"])
+    assert not any("tool_radius" in word for word in usual["planner"])
+
+
+def test_a_bench_is_a_controller_with_faults_a_driver_and_who_enables_it(tmp_path):
+    pytest.importorskip("mujoco", reason="MuJoCo is not installed")
+    options = GraphOptions(
+        robot="so101", engine="mujoco", faults="abort=0.5,every=2", pace=2.0, record=False
+    )
+    commands = graph_commands(options, ["-r", "__ns:=/lab"], tmp_path)
+    assert list(commands) == ["model", "bench", "robot", "enable", "scenes", "planner"]
+    given = {"cell.robot:=so101", "engine:=mujoco", "world:=measured", "pace:=2.0"}
+    assert given | {"faults:=abort=0.5,every=2", "__ns:=/lab"} <= set(commands["bench"])
+    assert any(word.endswith("bodies/so101.yaml") for word in commands["bench"])
+    assert "robot:=so101" in commands["robot"]
+    assert commands["enable"][1:3] == ["--robot", "so101"]
+    assert "enable" not in graph_commands(replace(options, enable=False), [], tmp_path)
+    outlines = graph_commands(replace(options, see="outlines"), [], tmp_path)
+    assert {"poses:=false", "images.width:=640"} <= set(outlines["bench"])
+    assert "scene_timeout:=3.0" in outlines["robot"]
+    assert "robot:=so101" in outlines["outlines"]
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --robot, too"),
-        ({"robot": "python3", "gui": True}, "--robot replaces the simulator; leave out --gui"),
-        ({"robot": "python3", "see": "tags"}, "--see tags needs the bodies of the robot"),
-        ({"robot": "python3", "engine": "mujoco"}, "--robot replaces the simulator"),
-        ({"robot": "no_such_driver"}, "there is no command 'no_such_driver'"),
-        ({"robot": "ur5"}, "'ur5'. It starts a driver: .*--robot elsewhere and start arm_node"),
-        ({"robot": "python3 '"}, "No closing quotation"),
-        ({"robot": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),
+        ({"bodies": Path("b.yaml")}, "--bodies is for a robot; give --driver or --faults, too"),
+        ({"driver": "python3", "gui": True}, "--driver replaces the simulator; leave out --gui"),
+        ({"driver": "python3", "see": "tags"}, "--see tags needs the bodies of the robot"),
+        ({"driver": "python3", "engine": "mujoco"}, "--driver replaces the simulator"),
+        ({"driver": "python3", "robot": "ur5"}, "--driver replaces the simulator"),
+        ({"driver": "no_such_driver"}, "there is no command 'no_such_driver'"),
+        ({"driver": "ur5"}, "'ur5'. To simulate a robot, .*--driver elsewhere and start arm_node"),
+        ({"driver": "python3 '"}, "No closing quotation"),
+        ({"driver": "python3", "bodies": Path("b.yaml")}, r"bodies file b\.yaml: No such file"),
+        ({"robot": "python3 x.py"}, "What starts a driver is given as --driver 'python3 x.py'"),
+        ({"robot": "ur6"}, r"robot file ur6: .*shipped are .*ur5"),
+        ({"faults": "none", "driver": "python3"}, "leave out --driver, --gui and --bottom"),
+        ({"faults": "abbort=1"}, r"'abbort' \(did you mean 'abort'\?\); allowed: none, delay"),
     ],
 )
 def test_a_robot_that_makes_no_sense(change, message):

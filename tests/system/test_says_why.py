@@ -13,7 +13,7 @@ from sain_core.ros.node_main import WARN, Diagnostics
 
 pytestmark = pytest.mark.system
 
-GRAPH = ("--robot", "elsewhere", "--model", "planar", "--no-record")
+GRAPH = ("--driver", "elsewhere", "--model", "planar", "--no-record")
 
 
 def test_a_graph_prints_once_what_it_lacks_and_what_its_nodes_report(graph):

@@ -19,7 +19,7 @@ PACKAGES: Final = {
     ),
     "sain_arm": (
         "Robot arms under ros2_control.",
-        ("robot.robot", "planning.push_planner", "planning.reach", "laboratory.cell"),
+        ("robot.robot", "planning.push_planner", "planning.reach"),
     ),
     "sain_model": (
         "Priors, networks, and how they are trained and evaluated.",

@@ -12,7 +12,7 @@ from launch.actions import IncludeLaunchDescription
 
 GRAPH = Path(get_package_share_directory("sain_bringup"), "launch", "closed_loop.launch.py")
 ROBOT = {
-    "robot": "ros2 run my_robot robot_node",
+    "driver": "ros2 run my_robot robot_node",
     "bodies": str(Path(my_robot.__file__).with_name("bodies.yaml")),
     "noise": "0.0005,0.005",  # of the camera; METRES,RADIANS
 }

@@ -20,6 +20,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from sain_bringup.graph import DEFAULT_ROBOT
 from sain_sim.world.engines import DEFAULT_ENGINE
 
 CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
@@ -30,8 +31,10 @@ ARGUMENTS = {
     "namespace": ("/sain", "namespace of all nodes"),
     "model": ("sain", "what predicts: sain, planar, identity, or a checkpoint's path"),
     "belief": ("", "file of sain_model identify, with which each episode begins"),
-    "robot": ("", "command of a robot's driver, in place of the simulator; or: elsewhere"),
-    "bodies": ("", "YAML file of the robot's bodies, of whose poses scenes are made"),
+    "robot": (DEFAULT_ROBOT, "robot that is simulated: its YAML file, or a shipped one's name"),
+    "driver": ("", "command of a robot's driver, in place of the simulator; or: elsewhere"),
+    "faults": ("", "faults of a bench in place of the simulator, or: none"),
+    "bodies": ("", "YAML file of the bodies of driver or bench, of whose poses scenes are made"),
     "noise": ("0,0", "standard deviation of observed poses: METRES,RADIANS"),
     "params_file": (str(DEFAULT_PARAMETERS), "ROS parameters on top of the nodes' defaults"),
     "gui": ("false", "show the simulator's window"),
@@ -45,7 +48,8 @@ ARGUMENTS = {
 
 # Of `graph`, one word each.
 OPTIONS = (
-    "engine", "model", "belief", "robot", "bodies", "noise", "params_file", "seed", "bag"
+    "engine", "model", "belief", "robot", "driver", "faults", "bodies", "noise", "params_file",
+    "seed", "bag",
 )  # fmt: skip
 
 

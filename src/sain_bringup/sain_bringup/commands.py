@@ -6,7 +6,6 @@ from sain_core.cli.command_line import Command
 
 closed_loop: Final = Command("sain_bringup closed_loop", "ros.closed_loop", ros=True)
 graph: Final = Command("sain_bringup graph", "running", ros=True)
-laboratory: Final = Command("sain_bringup laboratory", "laboratory", ros=True)
 goal: Final = Command("sain_bringup goal", "ros.goal", ros=True)
 push: Final = Command("sain_bringup push", "ros.push", ros=True)
 reset: Final = Command("sain_bringup reset", "ros.reset", ros=True)

@@ -11,27 +11,31 @@ from typing import Annotated, Any, Final, TypeVar
 
 import tyro
 
+from sain_arm.robot.robot import read_robot, shipped
+from sain_bringup.bench import ROBOT, Bench, check_bench_engine
 from sain_core.cli.arguments import split_ros_arguments
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.model import check_model_name
+from sain_core.push import PushLimits
 from sain_core.shapes.body_file import read_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_lab.storage.laboratory import laboratory_path
+from sain_sim.bench.faults import FAULTS_HELP, parse_faults
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
 
 T = TypeVar("T")
 
+DEFAULT_ROBOT: Final = "paper_panda"  # of `sain_sim.world.workcell.WorldConfig`
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
-ELSEWHERE: Final = "elsewhere"  # the robot that is started by somebody else
+ELSEWHERE: Final = "elsewhere"  # the driver that is started by somebody else
 SIMULATOR: Final = "simulator"
-ROBOT: Final = "robot"
 SCENES: Final = "scenes"
 TAGS: Final = "tags"
 OUTLINES: Final = "outlines"
@@ -91,11 +95,25 @@ class GraphOptions(Config):
     )
 
     robot: str = option(
-        "",
-        "command that starts a robot's driver, in place of the simulator; elsewhere: it is started"
-        " by somebody else",
+        DEFAULT_ROBOT, "robot that is simulated: its YAML file, or the name of a shipped one"
     )
-    bodies: Path | None = option(None, "YAML file of the robot's bodies: their poses become scenes")
+    faults: str = option(
+        "",
+        "a bench in place of the simulator: the robot's driver, a controller and these faults, with"
+        f" commas between; or none. {FAULTS_HELP}",
+    )
+    driver: str = option(
+        "",
+        "command that starts a real robot's driver, in place of the simulator; elsewhere: it is"
+        " started by somebody else",
+    )
+    bodies: Path | None = option(
+        None, "YAML file of the bodies of bench or driver: their poses become scenes"
+    )
+    pace: float = option(
+        1.0, "of the bench: simulated time over wall time", minimum=0.05, maximum=20.0
+    )
+    enable: bool = option(True, "of the bench: let the arm move; else start `sain_arm enable`")
     record: bool = option(True, "record all topics")
     bag: Path | None = option(
         None, "folder to make for the recording; by default bags/<date>-<time>"
@@ -112,54 +130,61 @@ class GraphOptions(Config):
                     f"--learn {self.learn} serves the model of that laboratory; leave out --model"
                     " and --belief"
                 )
-        if self.images and not self.camera.is_exact:
+        if self.see and not self.camera.is_exact:
             raise ConfigError("--see has the errors of its images; --noise and the like are others")
         if self.params_file is not None:
             _check_parameter_file(self.params_file)
-        self.check_robot()
+        self._check_robot()
 
-    def check_robot(self) -> None:
-        """Check that robot and bodies belong together, and that no option is the simulator's."""
-        if self.bodies is not None and not self.robot:
-            raise ConfigError("--bodies is for a robot; give --robot, too")
-        if self.robot and (self.gui or self.engine != DEFAULT_ENGINE or self.bottom != FEET):
+    def _check_robot(self) -> None:
+        """Check that robot, bench, driver and bodies belong together."""
+        simulated = self.gui or self.bottom != FEET
+        if self.faults:
+            parse_faults(self.faults)
+            check_bench_engine(self.engine)
+            if self.driver or simulated:
+                raise ConfigError(
+                    "--faults starts a bench in place of the simulator; leave out --driver, --gui"
+                    " and --bottom"
+                )
+        simulated |= self.engine != DEFAULT_ENGINE or self.robot != DEFAULT_ROBOT
+        if self.driver and simulated:
             raise ConfigError(
-                "--robot replaces the simulator; leave out --gui, --engine and --bottom"
+                "--driver replaces the simulator; leave out --gui, --engine, --bottom and --robot"
             )
-        if self.robot and self.see and self.bodies is None:
+        if self.bodies is not None and not self.is_real:
+            raise ConfigError("--bodies is for a robot; give --driver or --faults, too")
+        if self.driver and self.see and self.bodies is None:
             raise ConfigError(f"--see {self.see} needs the bodies of the robot; give --bodies")
-        try:
-            words = shlex.split(self.robot)
-        except ValueError as error:
-            raise ConfigError(f"--robot is {self.robot!r}: {error}") from error
-        if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
-            raise ConfigError(
-                f"--robot is {self.robot!r}; there is no command {words[0]!r}. It starts a driver:"
-                f" for an arm's file or name, give --robot {ELSEWHERE} and start arm_node, or start"
-                " laboratory --robot"
-            )
-        if self.bodies is not None:
-            read_bodies(self.bodies)
+        _check_driver(self.driver)
+        if self.robot != DEFAULT_ROBOT:
+            _check_robot(self.robot)
+        if self.bodies_file is not None:
+            read_bodies(self.bodies_file)
 
     @property
-    def images(self) -> str:
-        """By what bodies are seen in images; empty: they are not."""
-        return self.see if self.see in SEEN_NOISE else ""
+    def is_real(self) -> bool:
+        """Whether time and poses are those of a robot, or of a bench."""
+        return bool(self.driver or self.faults)
 
-    @property
-    def arm(self) -> str:
-        """File or name of the arm that a camera may see; empty: it is not known."""
-        return ""
+    @cached_property
+    def bench(self) -> Bench | None:
+        """The bench, where there is one."""
+        if not self.faults:
+            return None
+        camera = {"": None, TAGS: {}, OUTLINES: DEPTH_IMAGES}[self.see]
+        about = (self.robot, self.faults, self.engine, self.bodies)
+        return Bench(*about, self.pace, self.enable, camera)
 
     @property
     def bodies_file(self) -> Path | None:
         """The file of the robot's bodies; None: the simulator states its own."""
-        return self.bodies
+        return self.bodies if self.bench is None else self.bench.bodies_file
 
     @property
     def pose_noise(self) -> str:
         """Standard deviation of the poses that scenes are made of: METRES,RADIANS."""
-        return SEEN_NOISE[self.images] if self.images else self.camera.noise
+        return SEEN_NOISE[self.see] if self.see else self.camera.noise
 
     @cached_property
     def observed(self) -> dict[str, Any]:
@@ -183,15 +208,13 @@ class GraphOptions(Config):
         """Return parameters of the simulator that the command has."""
         return {}
 
-    def planner(self) -> dict[str, str]:
-        """Return parameters of the planner that the command has."""
-        return {}
-
     def own_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return commands of the robot and of more processes, by name, with arguments for ROS."""
-        if self.robot in ("", ELSEWHERE):
+        if self.bench is not None:
+            return self.bench.commands(ros)
+        if self.driver in ("", ELSEWHERE):
             return {}
-        return {ROBOT: [*shlex.split(self.robot), "--ros-args", *ros]}
+        return {ROBOT: [*shlex.split(self.driver), "--ros-args", *ros]}
 
 
 def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> dict[str, list[str]]:
@@ -205,7 +228,7 @@ def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> d
     Raises:
         ConfigError: a package of the graph is not installed.
     """
-    clock = {} if options.robot else {"use_sim_time": "true"}
+    clock = {} if options.is_real else {"use_sim_time": "true"}
     files = () if options.params_file is None else ("--params-file", str(options.params_file))
     node = partial(_node, [*ros, *files], states.absolute())
     model = {"model": options.model, **clock}
@@ -216,15 +239,15 @@ def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> d
     commands = {MODEL: node("sain_model", "model_node", model)}
     if options.learn:  # it works in another folder
         learner = {"laboratory": str(laboratory_path(options.learn).absolute())}
-        learner |= {"noise": options.camera.noise} if options.robot else {}
+        learner |= {"noise": options.camera.noise} if options.is_real else {}
         commands[LEARNER] = node("sain_lab", "learner_node", learner)
     commands |= options.own_commands(ros)
     if (bag := options.recording()) is not None:
         commands[RECORDER] = _recorder(bag, options.custom_data(namespace_in(ros)), ros)
-    if not options.robot:
+    if not options.is_real:
         commands[SIMULATOR] = node("sain_sim", "sim_node", _simulator(options))
     commands |= _vision(options, node, clock, states)
-    planner = {**options.planner(), **_named("estimator", options.observed), **clock}
+    planner = {**_tool_radius(options), **_named("estimator", options.observed), **clock}
     planner |= {"dynamics": "service", "seed": str(options.seed)}
     commands[PLANNER] = node("sain_mppi", "mppi_node", planner)
     return commands
@@ -251,14 +274,23 @@ def _simulator(options: GraphOptions) -> dict[str, str]:
         given["engine"] = options.engine
     if options.bottom != FEET:
         given["bottom"] = options.bottom
-    if options.images:
+    if options.robot != DEFAULT_ROBOT:
+        given["cell.robot"] = options.robot
+    if options.see:
         given |= {"scenes": "false", "cell.wait_aside": "true"}
-        given |= DEPTH_IMAGES if options.images == OUTLINES else {}
+        given |= DEPTH_IMAGES if options.see == OUTLINES else {}
     else:
         given |= _named("camera", options.observed)
     if options.gui:
         given |= {"gui": "true", "real_time_factor": "1.0"}
     return {"seed": str(options.seed), **given}
+
+
+def _tool_radius(options: GraphOptions) -> dict[str, str]:
+    """Return the radius of the robot's tool for the planner, if it is not the usual one."""
+    radius = read_robot(options.robot).tool_radius if not options.driver else None
+    differs = radius not in (None, PushLimits().tool_radius)
+    return {"feasibility.limits.tool_radius": str(radius)} if differs else {}
 
 
 def _vision(
@@ -268,13 +300,13 @@ def _vision(
     states: Path,
 ) -> dict[str, list[str]]:
     """Return the commands of what makes scenes of poses or images; none: the simulator does."""
-    images, bodies = options.images, options.bodies_file
+    images, bodies = options.see, options.bodies_file
     if not images and bodies is None:
         return {}
     given = {"bodies": str((bodies or states / SEEN_BODIES).absolute()), **clock}
     commands = {}
     if images:
-        arm = {"robot": options.arm} if options.arm and images == OUTLINES else {}
+        arm = {"robot": options.robot} if options.faults and images == OUTLINES else {}
         commands[images] = node("sain_vision", SEEING[images], given | arm)
     scenes = given | {"noise": options.pose_noise}
     return commands | {SCENES: node("sain_vision", "scene_node", scenes)}
@@ -311,6 +343,33 @@ def restart_command(name: str, command: Sequence[str]) -> list[str]:
     if name == RECORDER:
         return [command[0], "--resume", *command[1:]]
     return list(command)
+
+
+def _check_driver(driver: str) -> None:
+    """Check that there is a command, or raise `ConfigError`."""
+    try:
+        words = shlex.split(driver)
+    except ValueError as error:
+        raise ConfigError(f"--driver is {driver!r}: {error}") from error
+    if words and words[0] != ELSEWHERE and shutil.which(words[0]) is None:
+        raise ConfigError(
+            f"--driver is {driver!r}; there is no command {words[0]!r}. To simulate a robot, give"
+            f" its name or file as --robot. For a real one, give --driver {ELSEWHERE} and start"
+            " arm_node"
+        )
+
+
+def _check_robot(robot: str) -> None:
+    """Check the file of a robot, or raise `ConfigError`."""
+    try:
+        read_robot(robot)
+    except ConfigError as error:
+        if robot != ELSEWHERE and shutil.which(robot.split(" ")[0]) is None:
+            raise
+        raise ConfigError(
+            f"--robot is {robot!r}; it must be a robot's YAML file, or one of"
+            f" {', '.join(shipped())}. What starts a driver is given as --driver {robot!r}"
+        ) from error
 
 
 def _check_parameter_file(path: Path) -> None:

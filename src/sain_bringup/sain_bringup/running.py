@@ -9,12 +9,13 @@ from typing import Final
 
 from rich.console import Console
 
+from sain_bringup.bench import ROBOT
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.conditions import show_line
 from sain_bringup.graph import (
+    DEFAULT_ROBOT,
     LEARNER,
     RECORDER,
-    ROBOT,
     SEEN_BODIES,
     GraphOptions,
     graph_commands,
@@ -23,6 +24,7 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
+from sain_bringup.reach import describe_reach, robot_reach
 from sain_core.guarding import lifetime
 from sain_core.shapes.body_file import write_tagged_bodies
 from sain_model.compute.kernel_store import compile_visibly
@@ -40,6 +42,7 @@ def run(options: GraphOptions, console: Console) -> int:
 
     Raises:
         BusyError: another graph runs already.
+        ConfigError: a body that the robot cannot push, or whose tags its camera cannot read.
         SainError: a package is not installed, or a log cannot be written.
     """
 
@@ -47,6 +50,10 @@ def run(options: GraphOptions, console: Console) -> int:
         console.print(f"graph: {text}", markup=False, highlight=False, soft_wrap=True)
 
     interrupts, code = Interrupts(), 0
+    if options.bench is not None:
+        options.bench.check()
+    if options.robot != DEFAULT_ROBOT:
+        tell(describe_reach(options.robot, robot_reach(options.robot)))
     try:
         check_free(options)
         compile_visibly(console)
@@ -73,7 +80,7 @@ def run(options: GraphOptions, console: Console) -> int:
 
 def check_free(options: GraphOptions) -> None:
     """Raise `BusyError` where another simulator has the namespace; a robot locks it itself."""
-    if options.robot:
+    if options.is_real:
         return
     from sain_core.guarding.ros.ownership import lock_namespace
     from sain_core.ros.node_main import command_node
@@ -109,7 +116,7 @@ def watch(supervisor: Supervisor, logs: "Logs", interrupts: Interrupts, console:
 
 def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs":
     """Start the processes of a graph, which keep their states in a folder; return their logs."""
-    if options.images and options.bodies_file is None:
+    if options.see and options.bodies_file is None:
         write_seen_bodies(options, folder)
     for name, command in graph_commands(options, ros_arguments(sys.argv[1:]), folder).items():
         variables = UNWATCHED if name == ROBOT else {}

@@ -46,6 +46,7 @@ class LiveOptions(GraphOptions):
     def own_commands(self, ros: Sequence[str]) -> dict[str, list[str]]:
         """Return the command of the page, beside a robot's."""
         page = {name: getattr(self, name) for name in ("host", "port", "seed", "scenario")}
+        page |= {"scenario": "''"} if self.is_real else {}  # nothing there is reset
         commands = super().own_commands(ros)
         return commands | {PAGE: command_of_node("sain_live", "page_node", ros, **page)}
 

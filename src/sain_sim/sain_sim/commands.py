@@ -34,10 +34,11 @@ sim_node: Final = NodeCommand(
 collect: Final = Command("sain_sim collect", "collecting.collect", resumes="shard")
 trajectory_server: Final = NodeCommand(
     "sain_sim trajectory_server",
-    about="A laboratory in place of a robot: moves the arm of a YAML file in MuJoCo, with bodies on"
-    " a table, and serves FollowJointTrajectory. It delays, tolerates and aborts as asked.",
+    about="A bench in place of a robot: moves the arm of a YAML file in PyBullet or MuJoCo, with"
+    " bodies on a table, and serves FollowJointTrajectory. It delays, rejects, aborts and lies as"
+    " `faults` says.",
     node="ros.trajectory_server:TrajectoryServer",
-    settings="ros.bench_config:LaboratoryConfig",
-    publishes=("/joint_states", "/robot_description", "poses", "laboratory", "/diagnostics"),
-    example="robot:=ur5",
+    settings="bench.bench:BenchConfig",
+    publishes=("/joint_states", "/robot_description", "poses", "bench", "/diagnostics"),
+    example="cell.robot:=ur5",
 )

@@ -50,7 +50,7 @@ def test_a_second_graph_is_refused_before_anything_starts(graph):
     try:
         with pytest.raises(BusyError, match=r"executes pushes in namespace /sain of domain \d+"):
             check_free(GraphOptions())
-        check_free(GraphOptions(robot="elsewhere"))  # arm_node has it
+        check_free(GraphOptions(driver="elsewhere"))  # arm_node has it
     finally:
         release()
     check_free(GraphOptions())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sain_arm.planning.push_planner import PushPlanner
-from sain_arm.robot.robot import read_robot
+from sain_arm.robot.robot import read_robot, shipped
 from sain_core.errors import UnreachableError
 from sain_core.feasibility import Reach, Stroke
 from sain_core.push import make_push
@@ -82,3 +82,19 @@ def test_a_stroke_beyond_the_arm_is_refused_with_its_place(scene):
 def test_the_tool_meets_bodies_at_half_their_height():
     config = WorldConfig()
     assert config.motion.tip_height + config.rise == DISK_HEIGHT / 2
+
+
+@pytest.mark.parametrize("robot", shipped())
+def test_the_tool_is_where_the_kinematics_have_it_after_steps(engine, robot):
+    with World(nominal_parameters(), WorldConfig(robot=robot), engine) as world:
+        positions, speeds = world.joint_states()
+        np.testing.assert_allclose(positions, world.robot.home, atol=1e-6)
+        arm = PushPlanner(world.robot).arm
+        for joint in range(len(positions)):
+            turned = positions.copy()
+            turned[joint] += 0.02
+            for _ in range(60):
+                world.step(turned, np.zeros_like(speeds))
+            reached, _ = world.joint_states()
+            np.testing.assert_allclose(reached, turned, atol=2e-3)
+            np.testing.assert_allclose(world.sample().tool, arm.tip(reached), atol=1e-4)

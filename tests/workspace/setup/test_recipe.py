@@ -69,8 +69,9 @@ def test_a_sourced_jazzy_install_is_used(root, distribution, prefixes, kind):
     [
         ("python -m pytest tests", "test"),
         ("ruff check", "lint"),
-        ("ros2 run sain_bringup laboratory --robot ur5", "robots"),
+        ("ros2 run sain_bringup graph --faults none", "robots"),
         ("ros2 run sain_bringup graph --robot=so101", "robots"),
+        ("ros2 run sain_bringup graph --driver elsewhere", "robots"),
         ("sain to_dataset bag --format lerobot --out d", "lerobot"),
         ("sain collect --ray auto --out d", "ray"),
         ("ros2 run sain_sim sim_node", ""),

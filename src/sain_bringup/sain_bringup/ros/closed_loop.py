@@ -12,9 +12,17 @@ from rich.console import Console
 
 from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
-from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY, RECORDINGS, GraphOptions, absent
+from sain_bringup.graph import (
+    DEFAULT_ROBOT,
+    EPISODES_KEY,
+    NAMESPACE_KEY,
+    RECORDINGS,
+    GraphOptions,
+    absent,
+)
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
+from sain_bringup.reach import check_reach, robot_reach
 from sain_bringup.running import start
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import OutputError, SainError
@@ -50,8 +58,11 @@ class ClosedLoopOptions(GraphOptions):
     `anywhere` episodes, one `paper` and one `push_t` episode, each to 2 cm.
     """
 
-    robot: str = absent("")
+    driver: str = absent("")
+    faults: str = absent("")
     bodies: Path | None = absent(None)
+    pace: float = absent(1.0)
+    enable: bool = absent(True)
     record: bool = absent(True)
     bag: Path | None = absent(None)
     episodes: Annotated[int | None, tyro.conf.arg(metavar="N")] = option(
@@ -122,6 +133,7 @@ def describe(options: ClosedLoopOptions) -> str:
     counts = Counter(scenario for scenario, _ in options.plans)
     what = ", ".join(f"{count} × {name}" for name, count in counts.items())
     engine = "" if options.engine == BULLET else f" in {options.engine}"
+    engine += "" if options.robot == DEFAULT_ROBOT else f" by {options.robot}"
     engine += "" if options.bottom == FEET else f" on {options.bottom} bottoms"
     by = f", seen by {options.see}" if options.see else ""
     seen = by + "".join(
@@ -134,12 +146,16 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
     """Play the episodes and write the results; return 0 if all reached the goal.
 
     Raises:
+        ConfigError: the robot does not reach what is to be pushed.
         SainError: an output that cannot be written, or a graph that broke. No process is left
             behind, and what was recorded is whole, or the error says how it becomes so.
     """
     from sain_core.ros.node_main import ros_context
 
     interrupts, display = Interrupts(), Display(console)
+    if options.robot != DEFAULT_ROBOT:
+        cases = [draw_scene(scenario, seed) for scenario, seed in options.plans]
+        check_reach(options.robot, robot_reach(options.robot), cases)
     folder = make_output_folder(options)
     options = replace(options, out=folder)
     try:

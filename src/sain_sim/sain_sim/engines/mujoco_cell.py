@@ -18,6 +18,7 @@ from sain_sim.engines.mujoco_description import (
     FEET_FIRST,
     PHYSICS_STEPS,
     TOOL,
+    TOOL_THIRD,
     describe_world,
 )
 from sain_sim.world.parameters import WorldParameters
@@ -33,7 +34,7 @@ from sain_sim.world.workcell import (
     lean_of,
 )
 
-BASE: Final = 1  # the robot's root among the bodies of a model
+BASE: Final = 1  # what holds the robot, among the bodies of a model
 WARNINGS: Final = {
     name: int(kind)
     for name, kind in mujoco.mjtWarning.__members__.items()
@@ -142,7 +143,8 @@ class MujocoCell(Workcell):
         self.arm = arm
         self.arm.place(origin.joints)
         self._body_of = model.geom_bodyid - model.body("body0").id  # (G,); below 0: table and arm
-        self._is_tool = model.geom_contype == TOOL
+        self._is_tool = model.geom_priority == TOOL_THIRD
+        model.geom_contype[self._is_tool] = TOOL
         feet = np.flatnonzero(model.geom_priority == FEET_FIRST)
         self._feet = [feet[self._body_of[feet] == body] for body in range(parameters.count)]
         self._slip = np.full(model.ngeom, parameters.friction)
@@ -173,6 +175,12 @@ class MujocoCell(Workcell):
         """Return how far bodies in these states are tipped out of the plane, (N,) [rad]."""
         return lean_of(states.poses[:, 4:6])
 
+    def step(self, positions: Vector, velocities: Vector) -> None:
+        """Step as all cells do; only a low tool touches: the ball of a disk is higher than it."""
+        is_low = self.arm.tip()[2] < DISK_HEIGHT
+        self._model.geom_contype[self._is_tool] = TOOL if is_low else 0
+        super().step(positions, velocities)
+
     def advance(self) -> None:
         """Simulate one control step.
 
@@ -199,7 +207,7 @@ class MujocoCell(Workcell):
     def _disturb(self, disturbance: Disturbance) -> None:
         """Set where the arm's base is, which its joints do not tell, and the feet's friction."""
         model, feet = self._model, np.concatenate(self._feet)
-        model.body_pos[BASE, :2] = self._config.arm.base + disturbance.tool
+        model.body_pos[BASE, :2] = disturbance.tool
         self._slip[feet] = self._parameters.friction * disturbance.supports
         model.geom_friction[feet, 0] = self._slip[feet]
 

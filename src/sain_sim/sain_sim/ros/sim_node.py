@@ -1,17 +1,19 @@
 """The simulator node: a robot whose cell is simulated in this process, with a reset and a clock."""
 
 from concurrent.futures import Future
+from dataclasses import replace
 from time import monotonic
 from typing import Any, Final
 
 from sain_arm.planning import push_events as events
 from sain_arm.planning.push_events import ArmState, Ended, Ending, Phase
 from sain_arm.planning.push_execution import PushExecution
-from sain_arm.planning.push_planner import PushPlan
-from sain_arm.ros.pushing_node import PushingNode, Wanted
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.ros.pushing_node import REACH, PushingNode, Wanted
 from sain_core import wire
 from sain_core.errors import CancelledError, SainError
-from sain_core.feasibility import Stroke
+from sain_core.feasibility import ReachTable, Stroke
+from sain_core.ros import codec
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver
@@ -35,6 +37,8 @@ class SimNode(PushingNode):
         super().__init__("sim_node", "physics", **options)
         self._stopped, config = "", read_parameters(self, SimulatorConfig)
         cell, self.pacer = config.cell, Pacer(config.real_time_factor)
+        cell = cell.fitted(PushPlanner(cell.arm, config=cell.motion))
+        config = replace(config, cell=cell)
         self.execution = PushExecution(cell.motion, cell.feasibility.limits.clearance)
         self.driver = driver = PushDriver(
             self, self.begin, cell.feasibility, sees=True, now=lambda: self.pacer.now
@@ -45,6 +49,9 @@ class SimNode(PushingNode):
         self.episodes = Episodes(self, self.simulator, self.worker, publishing, driver)
         self._joints = publishing.sample.joint_positions
         self.update(events.ReachFound())
+        if isinstance(reach := cell.feasibility.reach, ReachTable):  # others have the usual one
+            self._reach = self.create_publisher(*REACH)
+            self._reach.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
         if not config.scenes:
             driver.reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
         steady_timer(self, 1 / config.images.rate / (config.real_time_factor or 1), self._on_image)

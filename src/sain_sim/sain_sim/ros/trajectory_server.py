@@ -1,8 +1,7 @@
-"""A laboratory in place of a robot: serves FollowJointTrajectory, with a camera over the table."""
+"""A bench in place of a robot: serves FollowJointTrajectory, with a camera over the table."""
 
 import concurrent.futures
 from functools import cached_property
-from pathlib import Path
 from time import monotonic
 from typing import Any, Final
 
@@ -18,14 +17,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
-from sain_arm.laboratory.cell import STEP, Cell
-from sain_arm.laboratory.controller import Controller
 from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
-from sain_arm.robot.robot import FASTEST, Robot, read_robot
+from sain_arm.robot.robot import FASTEST
 from sain_arm.robot.urdf import visible
 from sain_arm.ros.joint_listener import BEYOND
-from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
+from sain_core.camera.image_camera import ImageCamera, Shot
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
@@ -35,10 +32,11 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
 from sain_core.scene import DISK_HEIGHT, THETA
-from sain_core.shapes.body_file import read_bodies
 from sain_core.world import ObservationConfig
+from sain_sim.bench.bench import Bench, BenchConfig
+from sain_sim.bench.faults import parse_faults
 from sain_sim.camera.renderer import image_camera
-from sain_sim.ros.bench_config import LaboratoryConfig
+from sain_sim.world.workcell import TIME_STEP
 
 TICK: Final = 0.01  # [s] of wall time between two looks at the clock
 BEHIND: Final = 0.05  # [s] that are caught up at most in one tick
@@ -47,37 +45,44 @@ SHORTEST: Final = 1e-9  # [s], so that a trajectory may begin at 0
 SAME: Final = 0.05  # [rad], of a goal's first point from where the joints are
 
 
-class LaboratoryCamera:
+class BenchCamera:
     """Publishes images while somebody subscribes; the simulation goes on during this time."""
 
-    def __init__(self, node: Node, cell: Cell, config: ImageCameraConfig, seed: int) -> None:
-        """Stand over the table of a cell, and tell where."""
-        for body, height in enumerate(cell.bodies.heights):
-            if cell.bodies.tags[body] and abs(height - DISK_HEIGHT) > 1e-6:
+    def __init__(self, node: Node, bench: Bench, config: BenchConfig) -> None:
+        """Stand over the table of a bench, and tell where."""
+        for body, height in enumerate(bench.bodies.heights):
+            if bench.bodies.tags[body] and abs(height - DISK_HEIGHT) > 1e-6:
                 raise ConfigError(
-                    f"{cell.bodies.called(body)} has a height of {height:g} m; bodies of the"
-                    f" laboratory are {DISK_HEIGHT:g} m high, and tags lie on their tops"
+                    f"{bench.bodies.called(body)} has a height of {height:g} m; bodies of the"
+                    f" bench are {DISK_HEIGHT:g} m high, and tags lie on their tops"
                 )
-        self._node, self._cell, self._config = node, cell, config
-        self._random = generator(seed, "images")
-        self._topics = CameraTopics(node, config)
+        self._node, self._bench, self._config = node, bench, config.images
+        self._random = generator(config.seed, "images")
+        self._topics = CameraTopics(node, config.images)
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         stamp = node.get_clock().now().to_msg()
         self._static.publish(TFMessage(transforms=[self._topics.transform(stamp)]))
         self._worker, self._is_busy = Worker(node, "camera"), False
-        steady_timer(node, 1.0 / config.rate, self._look)
+        steady_timer(node, 1.0 / config.images.rate, self._look)
 
     @cached_property
     def _camera(self) -> ImageCamera:
-        """The camera, made on its thread with the first image: most laboratories take none."""
-        cell, file = self._cell, self._cell.bodies
-        return image_camera(self._config, cell.robot, file.bodies, file.radii, tags=file.tags)
+        """The camera, made on its thread with the first image: most benches take none."""
+        bench = self._bench
+        return image_camera(
+            self._config,
+            bench.robot,
+            bench.bodies.bodies,
+            bench.bodies.radii,
+            tags=bench.bodies.tags,
+        )
 
     def _look(self) -> None:
-        if self._is_busy or not self._topics.wanted:
+        bench = self._bench
+        if self._is_busy or not self._topics.wanted or bench.controller.is_dark(bench.time):
             return
         self._is_busy = True
-        joints, scene = self._cell.joints, self._cell.observe()
+        joints, scene = bench.joints, bench.observe()
         stamp = self._node.get_clock().now().to_msg()
         self._worker.submit(
             lambda: self._camera.take(joints, scene, self._random),
@@ -99,14 +104,8 @@ class TrajectoryServer(Node):
     def __init__(self, **options: Any) -> None:
         """Set the table and wait for goals."""
         super().__init__("trajectory_server", namespace=NAMESPACE, **options)
-        self.config = config = read_parameters(self, LaboratoryConfig)
-        self.robot = read_robot(config.robot)
-        if not config.bodies:
-            raise ConfigError("parameter 'bodies' is empty; give the YAML file of the bodies")
-        bodies = read_bodies(Path(config.bodies).expanduser())
-        self.cell = Cell(self.robot, bodies, config)
-        self.cell.place(_places(config.place, len(bodies.names), self.robot))
-        self.controller = Controller(self.robot, config, self.cell.joints)
+        self.config = config = read_parameters(self, BenchConfig)
+        self.bench = bench = Bench(config)
         self._noise = ObservationConfig(noise=config.noise).noise_std
         self._random = generator(config.seed, "camera")
         self._last, self._frame = monotonic(), 0.0
@@ -114,9 +113,9 @@ class TrajectoryServer(Node):
         self._states = self.create_publisher(JointState, "/joint_states", RELIABLE)
         self._poses = self.create_publisher(PoseArray, "poses", RELIABLE) if config.poses else None
         self._description = self.create_publisher(String, "/robot_description", LATCHED)
-        self._description.publish(String(data=visible(self.robot.description)))
-        self._status = self.create_publisher(String, "laboratory", RELIABLE)
-        name = f"/{self.robot.controller.strip('/')}/follow_joint_trajectory"
+        self._description.publish(String(data=visible(bench.robot.description)))
+        self._report = self.create_publisher(String, "bench", RELIABLE)
+        name = f"/{bench.robot.controller.strip('/')}/follow_joint_trajectory"
         self._server = ActionServer(
             self,
             FollowJointTrajectory,
@@ -125,17 +124,19 @@ class TrajectoryServer(Node):
             goal_callback=self._on_goal,
             cancel_callback=lambda handle: CancelResponse.ACCEPT,
         )
-        if config.twice:
+        if parse_faults(config.faults).twice:
             self._hasty = ActionServer(self, FollowJointTrajectory, name, self._answer_at_once)
-        self.camera = LaboratoryCamera(self, self.cell, config.images, config.seed)
-        self.diagnostics = Diagnostics(self, "laboratory")
+        self.camera = BenchCamera(self, bench, config)
+        self.diagnostics = Diagnostics(self, "bench")
         self.diagnostics.set(OK, "runs")
         steady_timer(self, TICK, self._tick)
-        self.ready = f"{self.robot.name} and {len(bodies.names)} bodies, serving {name}"
+        self.ready = f"{bench.robot.name} and {len(bench.bodies.names)} bodies, serving {name}"
 
     def _on_goal(self, goal: FollowJointTrajectory.Goal) -> GoalResponse:
         """Accept a goal that begins where the joints are."""
         problem = self._problem(goal)
+        if self.bench.controller.rejects() and not problem:
+            problem = "by a fault"
         if problem:
             self.get_logger().error(f"a goal is rejected: {problem}")
             return GoalResponse.REJECT
@@ -143,8 +144,10 @@ class TrajectoryServer(Node):
 
     def _problem(self, goal: FollowJointTrajectory.Goal) -> str:
         names, points = list(goal.trajectory.joint_names), goal.trajectory.points
-        if sorted(names) != sorted(self.robot.joints):
-            return f"its joints are {', '.join(names)}; allowed: {', '.join(self.robot.joints)}"
+        if sorted(names) != sorted(self.bench.robot.joints):
+            return (
+                f"its joints are {', '.join(names)}; allowed: {', '.join(self.bench.robot.joints)}"
+            )
         if len(points) < 2:
             return f"it has {len(points)} points; at least 2 are needed"
         for number, point in enumerate(points):
@@ -158,7 +161,7 @@ class TrajectoryServer(Node):
 
     def _out_of_range(self, trajectory: Trajectory) -> str:
         """Return what the joints cannot do in a trajectory; empty: nothing."""
-        robot = self.robot
+        robot = self.bench.robot
         fast = np.full_like(robot.velocity, FASTEST)
         for what, unit, values, low, high in (
             ("position", "rad", trajectory.positions, robot.lower - BEYOND, robot.upper + BEYOND),
@@ -172,14 +175,14 @@ class TrajectoryServer(Node):
                     f" {values[point, joint]:g} {unit}; allowed: {low[joint]:.2f} to"
                     f" {high[joint]:.2f} {unit}"
                 )
-        off = np.abs(trajectory.positions[0] - self.cell.joints).max()
+        off = np.abs(trajectory.positions[0] - self.bench.joints).max()
         if off > SAME:
             return f"it begins {off:.3f} rad from where the joints are; allowed: {SAME} rad"
         return ""
 
     def _decoded(self, goal: FollowJointTrajectory.Goal) -> Trajectory:
         names, points = list(goal.trajectory.joint_names), goal.trajectory.points
-        order = [names.index(name) for name in self.robot.joints]
+        order = [names.index(name) for name in self.bench.robot.joints]
         times = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in points]
         return Trajectory(
             np.array(times),
@@ -193,7 +196,7 @@ class TrajectoryServer(Node):
             self._end(Ending(Ended.ABORTED, "another goal came"))
         done: Future = Future(executor=self.executor)
         self._goal = handle, done
-        self.controller.start(self._decoded(handle.request), self.cell.time)
+        self.bench.controller.start(self._decoded(handle.request), self.bench.time)
         ending = await done
         if ending.how is Ended.SUCCEEDED:
             handle.succeed()
@@ -219,41 +222,34 @@ class TrajectoryServer(Node):
 
     def _tick(self) -> None:
         """Let the time pass that has passed on the wall clock."""
-        now = monotonic()
+        bench, now = self.bench, monotonic()
         passed, self._last = min(now - self._last, BEHIND), now
-        end = self.cell.time + passed * self.config.pace
-        while self.cell.time < end - 0.5 * STEP:
-            self.cell.step(*self.controller.target(self.cell.time))
-            self._look()
+        end = bench.time + passed * self.config.pace
+        while bench.time < end - 0.5 * TIME_STEP:
+            ending = bench.step()
+            if self._goal is not None and self._goal[0].is_cancel_requested:
+                bench.controller.stop(bench.time)
+                ending = ending or Ending(Ended.CANCELLED, "cancelled")
+            if ending is not None:
+                self._end(ending)
         self._publish()
 
-    def _look(self) -> None:
-        if self._goal is None:
-            return
-        handle, _ = self._goal
-        if handle.is_cancel_requested:
-            self.controller.stop(self.cell.time)
-            self._end(Ending(Ended.CANCELLED, "cancelled"))
-        elif (ending := self.controller.ending(self.cell.joints, self.cell.time)) is not None:
-            self._end(ending)
-
     def _publish(self) -> None:
-        stamp = self.get_clock().now().to_msg()
-        state = JointState(header=codec.header(stamp), name=list(self.robot.joints))
-        state.position, state.velocity = self.cell.joints.tolist(), self.cell.velocities.tolist()
+        bench, stamp = self.bench, self.get_clock().now().to_msg()
+        state = JointState(header=codec.header(stamp), name=list(bench.robot.joints))
+        positions, velocities = bench.states()
+        state.position, state.velocity = positions.tolist(), velocities.tolist()
         self._states.publish(state)
         if monotonic() < self._frame + FRAME:
             return
         self._frame = monotonic()
-        report = self.cell.report
-        figures = f"limits {dict(report.limits)}, contacts {dict(report.contacts)}"
-        self._status.publish(String(data=f"{figures}, tool {report.tool}"))
-        if self._poses is not None:
+        self._report.publish(String(data=str(bench.report)))
+        if self._poses is not None and not bench.controller.is_dark(bench.time):
             self._poses.publish(self._seen(stamp))
 
     def _seen(self, stamp: Any) -> PoseArray:
         message = PoseArray(header=codec.header(stamp))
-        poses = self.cell.observe()[:, : THETA + 1]
+        poses = self.bench.observe()[:, : THETA + 1]
         place, turn = self._noise
         poses += self._random.normal(size=poses.shape) * [place, place, turn]
         for x, y, theta in poses.tolist():
@@ -263,17 +259,7 @@ class TrajectoryServer(Node):
         return message
 
     def destroy_node(self) -> None:
-        """End the camera, too."""
+        """End camera and simulation, too."""
         self.camera.close()
         super().destroy_node()
-
-
-def _places(given: tuple[float, ...], count: int, robot: Robot) -> np.ndarray:
-    """Return poses (N, 3): as given, or in a row before the robot."""
-    if given and len(given) != 3 * count:
-        raise ConfigError(f"place has {len(given)} numbers; {count} bodies need {3 * count}")
-    if given:
-        return np.array(given).reshape(count, 3)
-    middle = robot.workspace[:2].mean(axis=1)
-    offsets = np.arange(count) - 0.5 * (count - 1)
-    return np.stack([0.0 * offsets + middle[0], middle[1] + 0.2 * offsets, 0.0 * offsets], axis=1)
+        self.bench.close()

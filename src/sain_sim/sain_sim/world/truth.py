@@ -317,3 +317,8 @@ class TruthConfig(Config):
 
 
 RANDOMISED_TRUTH: Final = TruthConfig()
+
+
+def hidden_world(engine: str) -> str:
+    """Return the world with the most hidden properties that an engine of ours simulates."""
+    return MEASURED if engine == MUJOCO else RANDOMISED

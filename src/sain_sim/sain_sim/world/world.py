@@ -303,6 +303,11 @@ class World(CheckedWorld):
         self._cell.step(positions, velocities)
         self._steps = self._cell.steps
 
+    def place(self, scene: Scene) -> None:
+        """Put the bodies at rest where a scene (N, 8) has them, as by hand; the arm stays."""
+        states = self._simulation.resting(scene, self.parameters)
+        self._build(CellState(states, self.joint_states()[0]))
+
     def plan(self, stroke: Stroke) -> PushPlan:
         """Return the motion of the arm for a stroke from here, checked as a whole."""
         bodies, radii = self.parameters.bodies, self.parameters.radii

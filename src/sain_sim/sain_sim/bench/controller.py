@@ -1,39 +1,68 @@
 """What `joint_trajectory_controller` does of a goal: follows, tolerates, aborts. No middleware."""
 
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from sain_arm.laboratory.laboratory_config import LaboratoryConfig
 from sain_arm.planning.push_events import Ended, Ending
 from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Robot, Vector
+from sain_core.config import Config, option
+from sain_sim.bench.faults import FROZEN, Faults
 
 STOP_TIME: Final = 0.15  # [s], from a cancelled goal to rest
+
+
+@dataclass(frozen=True)
+class ControllerConfig(Config):
+    """How exactly the controller follows."""
+
+    latency: float = option(
+        0.02, "from the acceptance of a goal to its motion", unit="s", minimum=0.0, maximum=2.0
+    )
+    path_tolerance: float = option(
+        0.15, "error of a joint that aborts a goal", unit="rad", minimum=1e-3
+    )
+    goal_tolerance: float = option(0.01, "error of a joint at the end", unit="rad", minimum=1e-4)
+    goal_time: float = option(1.0, "for the joints to come that near", unit="s", minimum=0.0)
 
 
 class Controller:
     """Follows one goal at a time, by a clock of its own."""
 
-    def __init__(self, robot: Robot, config: LaboratoryConfig, joints: Vector) -> None:
+    def __init__(
+        self, robot: Robot, joints: Vector, config: ControllerConfig, faults: Faults
+    ) -> None:
         """Hold joints (J,)."""
-        self._robot, self._config = robot, config
+        self._robot, self._config, self._faults = robot, config, faults
         self._hold = joints.copy()
         self._goal: Trajectory | None = None
-        self._began = 0.0
-        self._goals = 0
+        self._began = self._goals = 0.0
         self._braking: tuple[Vector, Vector, float] | None = None
+        self._frozen_until = self._dark_until = 0.0
 
     @property
     def busy(self) -> bool:
         """Whether a goal is followed."""
         return self._goal is not None
 
-    def start(self, goal: Trajectory, time: float) -> None:
-        """Follow a goal from a time [s] on."""
-        self._goal, self._began = goal, time + self._config.delay
+    @property
+    def is_faulty(self) -> bool:
+        """Whether the latest goal is one of those with faults."""
+        return self._goals > 0 and self._goals % self._faults.every == 0
+
+    def rejects(self) -> bool:
+        """Count a goal; return whether it is one to be rejected."""
         self._goals += 1
-        self._braking = None
+        return self._faults.reject and self.is_faulty
+
+    def start(self, goal: Trajectory, time: float) -> None:
+        """Follow a goal that was counted, from a time [s] on."""
+        self._goal, self._braking = goal, None
+        self._began = time + self._config.latency + self._faults.delay
+        if self.is_faulty:
+            self._dark_until = time + self._faults.dark
 
     def stop(self, time: float) -> None:
         """Give up the goal and come to rest."""
@@ -56,14 +85,24 @@ class Controller:
             return self._hold, velocity * (1.0 - share)
         return self._hold, np.zeros_like(self._hold)
 
+    def is_frozen(self, time: float) -> bool:
+        """Tell whether joint states stay as they were, by a fault."""
+        freeze = self._faults.freeze
+        if freeze > 0.0 and self.busy and self.is_faulty and time - self._began >= freeze:
+            self._frozen_until = max(self._frozen_until, self._began + freeze + FROZEN)
+        return time < self._frozen_until
+
+    def is_dark(self, time: float) -> bool:
+        """Tell whether the camera sees nothing, by a fault."""
+        return time < self._dark_until
+
     def ending(self, joints: Vector, time: float) -> Ending | None:
         """Return how the goal ended for joints (J,); None: it goes on."""
-        goal, config = self._goal, self._config
+        goal, config, abort = self._goal, self._config, self._faults.abort
         if goal is None:
             return None
         since = time - self._began
-        faulty = config.abort_at > 0.0 and self._goals % config.abort_every == 0
-        if faulty and since >= config.abort_at:
+        if abort > 0.0 and self.is_faulty and since >= abort:
             self.stop(time)
             return Ending(Ended.ABORTED, "protective stop")
         error = np.abs(joints - self._hold)

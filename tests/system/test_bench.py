@@ -1,4 +1,4 @@
-"""The laboratory as a person starts it: the graph of a robot, and no simulator of ours in it."""
+"""The bench as a person starts it: the graph of a robot, and no simulator's node in it."""
 
 import signal
 import subprocess
@@ -23,24 +23,29 @@ def topics(node: Node) -> set[str]:
 
 
 @pytest.mark.system
-def test_a_goal_is_reached_without_any_topic_of_the_simulator(ros_domain, tmp_path):
+@pytest.mark.parametrize(
+    ("robot", "faults", "goal"),
+    [("ur5", "none", ("0.6", "0.1")), ("xarm7", "abort=0.3,every=6", ("0.5", "0.1"))],
+)
+def test_a_goal_is_reached_without_any_topic_of_the_simulator(
+    ros_domain, tmp_path, robot, faults, goal
+):
     bag = tmp_path / "bag"
-    laboratory = [str(executable("sain_bringup", "laboratory")), "--model", "planar"]
-    laboratory += ["--robot", "ur5", "--see", "poses", "--pace", "2.0", "--no-page"]
-    laboratory += ["--bag", str(bag)]
+    bench = [str(executable("sain_bringup", "graph")), "--model", "planar", "--pace", "2.0"]
+    bench += ["--robot", robot, "--engine", "mujoco", "--faults", faults, "--bag", str(bag)]
     context = rclpy.Context()
     rclpy.init(context=context, domain_id=ros_domain)
     node = Node("bystander", context=context)
-    with subprocess.Popen(laboratory, stdout=subprocess.PIPE, text=True) as running:
+    with subprocess.Popen(bench, stdout=subprocess.PIPE, text=True) as running:
         try:
             end = time.monotonic() + 120.0
             while not topics(node) >= ROBOTS:
                 assert time.monotonic() < end, topics(node)
                 assert running.poll() is None
                 time.sleep(0.2)
-            goal = [str(executable("sain_bringup", "goal")), "0.6", "0.1", "--body", "0"]
+            given = [str(executable("sain_bringup", "goal")), *goal, "--body", "0"]
             done = subprocess.run(
-                [*goal, "--timeout", "120"], capture_output=True, text=True, timeout=250
+                [*given, "--timeout", "120"], capture_output=True, text=True, timeout=250
             )
             assert done.returncode == 0, done.stderr + done.stdout
             assert topics(node) & SIMULATORS == set()
