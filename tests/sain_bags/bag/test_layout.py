@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from sain_bags.bag.metadata import Topic, TopicQos
@@ -19,6 +20,7 @@ TOPICS = (
     Topic("/goal", "std_msgs/msg/String", "string data\n", "RIHS01_ab", LATCHED),
     Topic("/silent", "std_msgs/msg/Empty", "\n", "RIHS01_cd", (TopicQos(),)),
 )
+LATE = Topic("/late", "test/msg/Late", "uint8[] data\n")
 
 
 def record(folder: Path, config: BagConfig, messages: int = 400) -> BagWriter:
@@ -28,7 +30,7 @@ def record(folder: Path, config: BagConfig, messages: int = 400) -> BagWriter:
             writer.add_topic(topic)
         for number in range(messages):
             if number == messages // 2:
-                writer.add_topic(Topic("/late", "test/msg/Late", "uint8[] data\n"))
+                writer.add_topic(LATE)
             name = "/goal" if number % 100 == 5 else "/late" if number > 300 else "/chat"
             data = bytes(4) + random.bytes(int(random.integers(300)))
             time = 10**18 + 10_000_000 * number + int(random.integers(20_000_000))
@@ -46,6 +48,21 @@ def test_every_record_is_where_it_should_be(
     statistics = examine(tmp_path / "bag" / "bag_0.mcap")
     assert statistics.message_count == messages
     assert statistics.chunk_count == {0: 0, 1: 1, 400: 19}[messages]
+    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
+        reader = make_reader(stream)
+        summary, found = reader.get_summary(), list(reader.iter_messages())
+        assert reader.get_header().profile == "ros2"
+    assert summary is not None
+    named = {"" if compression == "none" else compression} if messages else set()
+    assert {chunk.compression for chunk in summary.chunk_indexes} == named
+    for schema, channel, message in found:
+        assert schema is not None
+        assert (schema.encoding, channel.message_encoding) == ("ros2msg", "cdr")
+        assert (message.log_time - 10**18) // 10_000_000 - message.sequence in (-1, 0, 1)
+        (topic,) = [one for one in (*TOPICS, LATE) if one.name == channel.topic]
+        assert (schema.name, channel.metadata["topic_type_hash"]) == (topic.type, topic.type_hash)
+        profiles = yaml.safe_load(channel.metadata["offered_qos_profiles"])
+        assert [one["durability"] for one in profiles] == [q.durability for q in topic.offered_qos]
 
 
 def test_metadata_has_all_that_rosbag2_writes_and_nothing_else(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """The page in a real browser: what is drawn is what was recorded, and nothing else runs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -22,16 +22,6 @@ EVIL = "</script><img src=x onerror=\"window.hacked='{}'\"><script>window.hacked
 def browser() -> Iterator[Browser]:
     with opened_browser() as browser:
         yield browser
-
-
-@pytest.fixture
-def bag(record: Callable[..., object], tmp_path: Path) -> Path:
-    recording = record(custom_data={"episodes": "anywhere:4 clutter:5", "commit": "0123abc"})
-    show = Show(recording)
-    show.episode(1, 2, [0.05, 0.03])
-    show.episode(2, 3, [0.02, 0.04], refused=1)
-    recording.writer.close()
-    return tmp_path / "bag"
 
 
 @pytest.fixture

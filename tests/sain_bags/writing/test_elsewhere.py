@@ -141,18 +141,8 @@ def test_the_folders_of_all_versions_of_rosbag2(version: int, bag: Path, tmp_pat
 def test_bags_that_rosbags_wrote(
     storage: StoragePlugin, version: Any, bag: Path, tmp_path: Path
 ) -> None:
-    ours = Bag(bag)
-    hashes = {topic.name: topic.type_hash for topic in ours.topics}
-    with Writer(tmp_path / "other", version=version, storage_plugin=storage) as writer:
-        connections = {}
-        for found in ours.channels:
-            assert found.schema is not None
-            text, digest = found.schema.data.decode(), hashes[found.topic]
-            connections[found.topic] = writer.add_connection(
-                found.topic, found.type, msgdef=text, rihs01=digest
-            )
-        for raw in ours.raw_messages():
-            writer.write(connections[raw.topic], raw.log_time, raw.data)
+    hashes = {topic.name: topic.type_hash for topic in Bag(bag).topics}
+    sqlite_bag(bag, tmp_path / "other", storage=storage, version=version)
     assert same(bag, tmp_path / "other")
     found = Bag(tmp_path / "other")
     assert {topic.name: topic.type_hash for topic in found.topics} == hashes
@@ -164,14 +154,21 @@ def text_of(channel: Any) -> str:
     return str(channel.schema.data.decode())
 
 
-def sqlite_bag(bag: Path, folder: Path, other_type: str = "") -> Path:
-    """Copy a bag as rosbag2 has it in sqlite3; with another type on the topic of results."""
+def sqlite_bag(
+    bag: Path,
+    folder: Path,
+    other_type: str = "",
+    storage: StoragePlugin = StoragePlugin.SQLITE3,
+    version: Any = 9,
+) -> Path:
+    """Copy a bag as rosbag2 has it, with another type on the topic of results if one is named."""
     ours = Bag(bag)
-    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
-        about: dict[str, Any] = {"rihs01": "RIHS01_" + 64 * "0"}
+    about: dict[str, Any] = {"rihs01": "RIHS01_" + 64 * "0"}
+    hashes = {topic.name: topic.type_hash for topic in ours.topics}
+    with Writer(folder, version=version, storage_plugin=storage) as writer:
         connections = {
             one.topic: writer.add_connection(
-                one.topic, one.type, msgdef=one.schema.data.decode(), **about
+                one.topic, one.type, msgdef=text_of(one), rihs01=hashes[one.topic]
             )
             for one in ours.channels
         }

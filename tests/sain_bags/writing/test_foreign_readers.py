@@ -1,7 +1,5 @@
 """Readers of others accept what the recorder writes; those that are not installed are skipped."""
 
-import json
-import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -9,30 +7,10 @@ from pathlib import Path
 import pytest
 from mcap.reader import NonSeekingReader, make_reader
 
-from sain_bags.bag.metadata import METADATA_RECORD, START_RECORD, Topic
+from sain_bags.bag.metadata import Topic
 from sain_bags.writing.writer import BagConfig, BagWriter
 
 COMMANDS = {"pymcap-cli": ["doctor"], "rerun": ["mcap", "check"]}
-MODULES = "MCAP_NODE_MODULES"  # a folder that holds @mcap/core and fzstd for Node
-SCRIPT = """
-import { McapStreamReader } from "@mcap/core";
-import { decompress } from "fzstd";
-import { readFile } from "fs/promises";
-const zstd = (data, size) => decompress(data, new Uint8Array(Number(size)));
-const reader = new McapStreamReader({ decompressHandlers: { zstd }, validateCrcs: true });
-reader.append(await readFile(process.argv[2]));
-const found = { messages: 0, disorder: 0, metadata: [] };
-let last = 0n;
-for (let record; (record = reader.nextRecord()); ) {
-  if (record.type === "Message") {
-    found.messages += 1;
-    found.disorder += record.logTime < last;
-    last = record.logTime;
-  }
-  if (record.type === "Metadata") found.metadata.push(record.name);
-}
-console.log(JSON.stringify({ ...found, done: reader.done() }));
-"""
 
 
 @pytest.fixture
@@ -67,17 +45,3 @@ def test_a_command_of_others(command: str, file: Path) -> None:
     done = subprocess.run([command, *COMMANDS[command], file], capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     assert "error" not in done.stdout.lower()
-
-
-def test_the_library_for_node(file: Path, tmp_path: Path) -> None:
-    modules = os.environ.get(MODULES)
-    if modules is None:
-        pytest.skip(f"{MODULES} names no folder with @mcap/core and fzstd")
-    (tmp_path / "node_modules").symlink_to(modules)
-    (tmp_path / "read.mjs").write_text(SCRIPT)
-    done = subprocess.run(
-        ["node", "read.mjs", file], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert json.loads(done.stdout) == {
-        "messages": 400, "disorder": 0, "metadata": [START_RECORD, METADATA_RECORD], "done": True,
-    }  # fmt: skip

@@ -197,29 +197,3 @@ def test_what_a_recording_says_of_itself_survives_it(tmp_path: Path) -> None:
     saved = Bag(tmp_path / "saved")
     assert saved.custom_data == {"seed": "7", "recovered": "with losses, from bag"}
     assert saved.metadata["ros_distro"] == "kilted"
-
-
-@pytest.mark.parametrize("compression", ["none", "lz4", "zstd"])
-def test_mcap_says_what_the_registry_asks_for(compression: str, tmp_path: Path) -> None:
-    with BagWriter(tmp_path / "bag", BagConfig(compression=compression)) as writer:
-        writer.add_topic(TEXT)
-        for number in range(5):
-            writer.write("/chat", HELLO, received=2000 + number, published=1000, sequence=number)
-    with (tmp_path / "bag" / "bag_0.mcap").open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True)
-        summary = reader.get_summary()
-        assert reader.get_header().profile == "ros2"
-        found = list(reader.iter_messages())
-    assert summary is not None
-    assert summary.statistics is not None
-    assert summary.statistics.message_count == 5
-    schema, channel, message = found[-1]
-    assert schema is not None
-    assert (schema.encoding, schema.name) == ("ros2msg", "std_msgs/msg/String")
-    assert channel.message_encoding == "cdr"
-    assert channel.metadata["topic_type_hash"] == "RIHS01_ab"
-    assert yaml.safe_load(channel.metadata["offered_qos_profiles"])[0]["durability"] == "volatile"
-    assert (message.log_time, message.publish_time, message.sequence) == (2004, 1000, 4)
-    assert {chunk.compression for chunk in summary.chunk_indexes} == {
-        "" if compression == "none" else compression
-    }
