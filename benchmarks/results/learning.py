@@ -28,9 +28,8 @@ from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.contenders import prediction_error
 from sain_lab.exploration.session import Watched
-from sain_lab.learner import Learner, Update
+from sain_lab.learner import Learner, Update, prediction_error
 from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent

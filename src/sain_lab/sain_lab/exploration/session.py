@@ -29,8 +29,7 @@ from sain_core.types import Mask, PushArray, Pushes, Scalars, Scene, Scenes
 from sain_core.world import AnyWorld, Outcome
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.contenders import error_of
-from sain_lab.learner import Learner
+from sain_lab.learner import Learner, error_of
 from sain_lab.settings import TeachOptions
 from sain_lab.storage.results import Result
 from sain_model.dynamics.sain import SainDynamics

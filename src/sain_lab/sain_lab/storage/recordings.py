@@ -14,8 +14,7 @@ from sain_core.scratch import scratch_folder
 from sain_core.shapes.bodies import bodies_named
 from sain_core.transitions import SHAPED, Column, Columns
 from sain_lab.storage.results import Result
-from sain_model.data.dataset import shard_paths
-from sain_model.data.shard import NO_STEP, read_shard
+from sain_model.data.dataset import NO_STEP, read_shard, shard_paths
 
 
 def read_recording(path: Path) -> Iterator[Result]:
