@@ -122,7 +122,7 @@ class Work:
         model = self.shipped.with_bodies(result.own_bodies).condition(history)
         shipped = prediction_error(model.step(result.before[None], result.push[None])[0], result)
         update = self.learner.observe(result)
-        self.take(update, shipped[0], int(result.episode.rpartition("/")[2]))
+        self.take(update, shipped, int(result.episode.rpartition("/")[2]))
 
     def take(self, update: Update, shipped: float, seed: int) -> None:
         """Keep what was measured of a push."""

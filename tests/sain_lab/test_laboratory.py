@@ -100,7 +100,7 @@ def test_a_file_of_something_else_is_not_made_a_log(tmp_path):
 def test_a_record_without_what_its_kind_needs_is_named_and_left_out(tmp_path, record, reason):
     path, table = tmp_path / "lab", SmallTable()
     with OpenLaboratory(path) as laboratory:
-        push = {"kind": "push", "errors": {}, "turns": {}}
+        push = {"kind": "push", "errors": {}}
         for line in (push | table.push().record(), record, push | table.push().record()):
             laboratory.append(line)
     text = sain_lab("show", str(path))
@@ -113,7 +113,7 @@ def test_what_waits_is_counted_without_what_was_learned(tmp_path):
     path, table = tmp_path / "lab", SmallTable()
     first, second = (table.push().identified() for _ in range(2))
     with OpenLaboratory(path) as laboratory:
-        laboratory.append({"kind": "push", "errors": {}, "turns": {}, **first.record()})
+        laboratory.append({"kind": "push", "errors": {}, **first.record()})
         for record in ({"kind": "push"}, PUSH | first.record(), PUSH | second.record()):
             laboratory.receive(record)
     text = sain_lab("show", str(path))

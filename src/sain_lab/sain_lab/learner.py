@@ -24,7 +24,7 @@ was begun, and finds in `waiting` what was received and not learned from.
 
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from threading import Lock
 from typing import Any, Final, Self
@@ -34,7 +34,7 @@ import numpy as np
 from sain_core.errors import CheckpointError, InvalidInputError, OutputError, SainError
 from sain_core.output import remove
 from sain_core.push import pushed_bodies
-from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.scene import POSITION
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import RECENT
@@ -56,8 +56,6 @@ from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, write_belief
 
-Errors = tuple[float, float]  # of places [mm] and of headings [degrees]
-
 
 class Contenders:
     """The physics as it is believed, what it is compared with, and the laboratory's networks."""
@@ -74,8 +72,8 @@ class Contenders:
             self._models[name] = load_service(self._laboratory, name)
         return self._models[name]
 
-    def errors(self, name: str, result: Result, history: PushHistory) -> Errors | None:
-        """Return the errors of a contender on a push; None: it predicts none such.
+    def error(self, name: str, result: Result, history: PushHistory) -> float | None:
+        """Return the error [mm] of a contender on a push; None: it predicts none such.
 
         Bodies that have names are predicted by their own physics and by planar physics alone.
         Raises `SainError`: it should predict it, and does not.
@@ -89,21 +87,13 @@ class Contenders:
             model = self.model(name)
         return None if model is None else error_of(model, result, history)
 
-    def has_network(self, name: str) -> bool:
-        """Return True if a network was written whole."""
-        try:
-            self.model(name)
-        except CheckpointError:
-            return False
-        return True
-
     def forget(self, name: str) -> None:
         """Forget a network."""
         self._models.pop(name, None)
 
 
-def error_of(model: SainDynamics, result: Result, history: PushHistory) -> Errors:
-    """Return the errors of a model on a push; raises `SainError`: it does not predict it."""
+def error_of(model: SainDynamics, result: Result, history: PushHistory) -> float:
+    """Return the error [mm] of a model on a push; raises `SainError`: it does not predict it."""
     conditioned = model.with_bodies(result.own_bodies).condition(history)
     after = conditioned.step(result.before[None], result.push[None])[0]
     if not np.isfinite(after).all():
@@ -111,17 +101,15 @@ def error_of(model: SainDynamics, result: Result, history: PushHistory) -> Error
     return prediction_error(after, result)
 
 
-def prediction_error(after: Scene, result: Result) -> Errors:
-    """Return the mean errors of the bodies that were pushed or moved.
+def prediction_error(after: Scene, result: Result) -> float:
+    """Return the mean error [mm] of the bodies that were pushed or moved.
 
     Moved has a body that ends 2 mm or more from where it was, in truth.
     """
     moved = np.hypot(*(result.after - result.before)[:, POSITION].T) >= MOVED
     moved[pushed_bodies(result.push[None])[0]] = True
     off = after[moved] - result.after[moved]
-    places = 1e3 * np.hypot(*off[:, POSITION].T)
-    turns = np.degrees(np.abs(wrap_angle(off[:, THETA])))
-    return float(places.mean()), float(turns.mean())
+    return float((1e3 * np.hypot(*off[:, POSITION].T)).mean())
 
 
 # --- the learner ----------------------------------------------------------------------------------
@@ -138,7 +126,6 @@ class Update:
     reason: str = ""  # why not; empty: it was
     # mean error of bodies that moved [mm], by contender
     errors: Mapping[str, float] = field(default_factory=dict)
-    turns: Mapping[str, float] = field(default_factory=dict)  # likewise of headings [degrees]
     events: tuple[Event, ...] = ()  # what was decided
 
 
@@ -161,6 +148,7 @@ class Learner:
         self.state = State(shipped)
         self._contenders = Contenders(laboratory, shipped, self.state)
         self._training: Training | None = None
+        self._events: list[Event] = []  # that no caller was told of
         for record in laboratory.records():
             self.state.take(record)
         self._lock = Lock()  # of what waits: it is received on another thread
@@ -170,6 +158,7 @@ class Learner:
         self._failed = False  # something that was received is left to the next learner
         self._next("")
         self._settle()
+        self._drain()  # nobody waits for what was decided before
 
     @classmethod
     def named(cls, name: str, trains: bool = True) -> Self:
@@ -204,14 +193,14 @@ class Learner:
         """
         result = result.identified()
         try:
-            ended = self.poll()
+            self._poll()
             update = self._learn(result)
         except BaseException:
             self._failed = True
             raise
         finally:
             self._next(result.identity)
-        return replace(update, events=(*ended, *update.events))
+        return replace(update, events=self._drain())
 
     def _next(self, identity: str) -> None:
         """Let others wait no longer for a result; forget what was received once all is learned."""
@@ -223,23 +212,36 @@ class Learner:
 
     def poll(self) -> tuple[Event, ...]:
         """Begin the training that is due, or take one that has ended; return what follows."""
-        job = self.state.training
-        if job is None or (self._training is not None and self._training.running):
-            return ()
-        if self._training is None and not self._contenders.has_network(job.service):
-            if self._trains:
-                self._training = Training.start(self.laboratory, job.since, job.pushes)
-            return ()
-        problem = self._training.problem if self._training else ""
-        self._training = None
-        return (self._finish(job, problem), *self._settle())
+        self._poll()
+        return self._drain()
 
     def wait(self) -> tuple[Event, ...]:
         """Wait for a training under way; return what follows from it."""
-        begun = self.poll()
+        self._poll()
         if self._training is not None:
             self._training.wait()
-        return (*begun, *self.poll())
+        return self.poll()
+
+    def _poll(self) -> None:
+        job, training = self.state.training, self._training
+        if job is None or (training is not None and training.running):
+            return
+        problem = training.problem if training else ""
+        if training is None:
+            try:
+                self._contenders.model(job.service)
+            except CheckpointError:  # it was not written whole before this learner began
+                if self._trains:
+                    self._training = Training.start(self.laboratory, job.since, job.pushes)
+                return
+        self._training = None
+        self._finish(job, problem)
+        self._settle()
+
+    def _drain(self) -> tuple[Event, ...]:
+        """Return the events since the last time."""
+        events, self._events = tuple(self._events), []
+        return events
 
     def end_episode(self) -> None:
         """Let the belief take all pushes: nothing conditions on the running episode any more."""
@@ -263,10 +265,10 @@ class Learner:
         self.laboratory.append(record)
         self.state.take(record)
 
-    def _log(self, kind: str, text: str, **about: Any) -> Event:
+    def _log(self, kind: str, text: str, **about: Any) -> None:
         event = Event(kind, text, self.state.pushes, time.time(), about)
         self._append(event.record())
-        return event
+        self._events.append(event)
 
     # --- one result -------------------------------------------------------------------------------
 
@@ -279,62 +281,53 @@ class Learner:
         if not reason and (reason := self.state.why_not(result)):
             about |= {"episode": result.episode, "after": result.after.tolist()}
         if reason:
-            return Update(False, reason, events=(self._log(log.NOT_LEARNED, reason, **about),))
-        errors, turns, problems = self._predict(result)
-        self._append({"kind": "push", **result.record(), "errors": errors, "turns": turns})
-        decided = (*problems, *self._settle(), *self._notice_jump())
-        return Update(True, "", errors, turns, (*decided, *self._train_if_due()))
-
-    def _predict(
-        self, result: Result
-    ) -> tuple[dict[str, float], dict[str, float], tuple[Event, ...]]:
-        """Return the errors of all contenders on a push that nothing was learned from."""
-        history = self.state.history(result)
-        errors: dict[str, float] = {}
-        turns: dict[str, float] = {}
-        problems: list[Event] = []
+            self._log(log.NOT_LEARNED, reason, **about)
+            return Update(False, reason)
+        errors, history = {}, self.state.history(result)
         for name in self.state.judge.contenders:
             try:
-                if (found := self._contenders.errors(name, result, history)) is not None:
-                    errors[name], turns[name] = found
+                errors[name] = self._contenders.error(name, result, history)
             except SainError as error:
-                problems += self._not_predicted(name, error)
-        return errors, turns, tuple(problems)
+                self._not_predicted(name, error)
+        known = {name: error for name, error in errors.items() if error is not None}
+        self._append({"kind": "push", **result.record(), "errors": known})
+        self._settle()
+        self._notice_jump()
+        self._train_if_due()
+        return Update(True, "", known)
 
-    def _not_predicted(self, name: str, error: SainError) -> Iterator[Event]:
+    def _not_predicted(self, name: str, error: SainError) -> None:
         """Log why a contender did not predict, each reason once; leave a lost network out."""
         text = f"{name} did not predict a push: {error}"
         lost = isinstance(error, CheckpointError)
         if lost and name == self.state.judge.service:
-            yield self._log(log.DROPPED, text, service=PHYSICS)
+            self._log(log.DROPPED, text, service=PHYSICS)
         elif lost and name == self.state.judge.candidate:
-            yield self._log(log.LEFT_OUT, text, model=name)
+            self._log(log.LEFT_OUT, text, model=name)
         elif text not in self.state.problems:
-            yield self._log(log.NOT_PREDICTED, text)
+            self._log(log.NOT_PREDICTED, text)
 
     # --- what follows -----------------------------------------------------------------------------
 
-    def _settle(self) -> tuple[Event, ...]:
+    def _settle(self) -> None:
         """Decide until nothing follows any more, and write what others load."""
-        found: list[Event] = []
         while (decision := self.state.judge.decide()) is not None:
             kind, text, about = decision
             if kind == log.CHANGED:
                 about = about | {"anchor": self.state.believer.values}
-            found.append(self._log(kind, text, **about))
-        return (*found, *self._publish())
+            self._log(kind, text, **about)
+        self._publish()
 
-    def _notice_jump(self) -> tuple[Event, ...]:
+    def _notice_jump(self) -> None:
         """Say once that friction has jumped; the belief has counted with it already."""
         before = self.state.believer.jumped
-        if not before or self.state.jumped:
-            self.state.jumped = bool(before)
-            return ()
-        now = self.state.believer.values[FRICTION]
-        text = f"friction with the table is {now:.3g}; it was {before:.3g}"
-        return (self._log(log.JUMPED, text, before=before, now=now),)
+        if before and not self.state.jumped:
+            now = self.state.believer.values[FRICTION]
+            text = f"friction with the table is {now:.3g}; it was {before:.3g}"
+            self._log(log.JUMPED, text, before=before, now=now)
+        self.state.jumped = bool(before)
 
-    def _publish(self) -> tuple[Event, ...]:
+    def _publish(self) -> None:
         """Write what others load, where it has changed; remove networks of no use any more."""
         state, service = self.state, self.state.judge.service
         named = state.bodies.update()
@@ -348,59 +341,52 @@ class Learner:
         changed, manifest = changed and service == PHYSICS, self.laboratory.manifest
         if changed or service != manifest.service:
             self.laboratory.state(service=service, generation=manifest.generation + 1)
-        return self._remove_networks()
-
-    def _remove_networks(self) -> tuple[Event, ...]:
-        """Remove networks that are neither in service nor to be judged."""
-        used = {self.state.judge.service, self.state.judge.candidate}
-        used |= {self.state.training.service} if self.state.training else set()
-        found = []
-        for name in sorted(self.state.networks - used):
+        used = {service, state.judge.candidate, state.training.service if state.training else ""}
+        for name in sorted(state.networks - used):
             self._contenders.forget(name)
-            self.state.networks.discard(name)
+            state.networks.discard(name)
             try:
                 remove(self.laboratory.path.resolve() / name)
             except OutputError as error:
-                if str(error) not in self.state.problems:
-                    found.append(self._log(log.NOT_REMOVED, str(error), model=name))
-        return tuple(found)
+                if str(error) not in state.problems:
+                    self._log(log.NOT_REMOVED, str(error), model=name)
 
-    def _train_if_due(self) -> tuple[Event, ...]:
+    def _train_if_due(self) -> None:
         state = self.state
         if state.training is not None or not self._trains or state.unnamed < FIRST_TRAINING:
-            return ()
+            return
         own, before = state.pushes - state.since, state.trained_at - state.since
         if own < max(FIRST_TRAINING, GROWTH * before):
-            return ()
+            return
         service, text = service_of(state.pushes), f"a network is trained on {own} pushes"
-        begun = self._log(log.TRAINING, text, model=service, since=state.since)
+        self._log(log.TRAINING, text, model=service, since=state.since)
         try:
             self.laboratory.check_network(service)
         except OutputError as error:
-            return begun, self._log(log.FAILED, str(error))
-        return (begun, *self.poll())
+            self._log(log.FAILED, str(error))
+        else:
+            self._poll()
 
-    def _finish(self, job: Job, problem: str) -> Event:
+    def _finish(self, job: Job, problem: str) -> None:
         """Make a trained network the candidate, judged on the pushes that came since."""
         if not problem and job.since != self.state.since:
             problem = "the table has changed during this time"
-        if problem:
-            return self._log(log.FAILED, problem)
         try:
-            model = self._contenders.model(job.service)
+            model = None if problem else self._contenders.model(job.service)
         except CheckpointError as error:
-            return self._log(log.FAILED, str(error))
-        unseen = [self._unseen_error(model, *one) for one in self.state.unseen]
+            problem = str(error)
+        if problem or model is None:
+            self._log(log.FAILED, problem)
+            return
+        unseen: list[float | None] = []
+        for result, history in self.state.unseen:
+            try:
+                unseen.append(None if result.object else error_of(model, result, history))
+            except SainError:
+                unseen.append(None)  # counted below
         failed = unseen.count(None)
         text = (
             f"a network was trained on {job.pushes - job.since} pushes, and judged on the"
             f" {len(unseen)} since" + (f", of which it does not predict {failed}" if failed else "")
         )
-        return self._log(log.TRAINED, text, model=job.service, unseen=unseen)
-
-    @staticmethod
-    def _unseen_error(model: SainDynamics, result: Result, history: PushHistory) -> float | None:
-        try:
-            return None if result.object else error_of(model, result, history)[0]
-        except SainError:
-            return None  # counted in the event
+        self._log(log.TRAINED, text, model=job.service, unseen=unseen)

@@ -132,8 +132,6 @@ def show(laboratory: "Laboratory", console: Console, out: Path) -> None:
     console.print(f"in service: {laboratory.manifest.service}")
     for table in tables(curves):
         console.print(table, soft_wrap=True)
-    if laboratory.recordings:
-        console.print(f"recordings: {', '.join(laboratory.recordings)}", soft_wrap=True)
     if out != Path() and curves.pushes:
         from sain_core.view.figures import write_png
         from sain_lab.judging.chart import draw_curves
@@ -214,7 +212,6 @@ def add(options: LabOptions, console: Console) -> None:
             learn(learner, waiting(learner), "received before", console)
         for name, results in zip(names, recordings, strict=True):
             learn(learner, results, name, console)
-            learner.laboratory.link(Path(name))
 
 
 def waiting(learner: "Learner") -> "Iterator[Result]":

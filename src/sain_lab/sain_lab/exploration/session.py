@@ -333,7 +333,7 @@ class Session:
 
     def judge(self, result: Result, history: PushHistory) -> None:
         """Take the errors on a push that nothing was learned from yet, and learn from it."""
-        first, now = (error_of(model, result, history)[0] for model in (self._first, self.model()))
+        first, now = (error_of(model, result, history) for model in (self._first, self.model()))
         self.errors.append((first, now))
         arrays = result.before, result.push, result.after
         self._last = history.then(*arrays).latest(MOST_PUSHES)

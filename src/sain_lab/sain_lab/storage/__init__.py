@@ -1,1 +1,1 @@
-"""The folder of a laboratory: its log, the results in it, and recordings that are added."""
+"""The folder of a laboratory: its log, the results in it, and recordings as results."""

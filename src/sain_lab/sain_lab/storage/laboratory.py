@@ -5,7 +5,6 @@
     belief.json        what is believed of the physics, as ``sain_model identify`` writes it
     models/000100/     a network trained on the first 100 pushes, with its card
     waiting.log        pushes that were received, until they are in the log
-    recordings.txt     where recordings lie that were added
 
 The log is the truth: all else can be made from it again, or is a file that is whole or absent. So a
 kill at any moment leaves the laboratory whole. One process may write it at a time. What SAIN did
@@ -26,7 +25,7 @@ from sain_core.config import typed
 from sain_core.errors import BusyError, ConfigError, DatasetError, OutputError, SainError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.locks import LockedError, lock_file
-from sain_core.guarding.untrusted import is_file, read_regular_text
+from sain_core.guarding.untrusted import is_file
 from sain_core.output import (
     claim_folder,
     is_ours,
@@ -34,7 +33,6 @@ from sain_core.output import (
     remove,
     sign,
     write_json,
-    write_whole,
 )
 from sain_core.provenance import FORMAT, other_format
 from sain_core.scene import STATE_SIZE
@@ -46,7 +44,7 @@ from sain_model.physics.parameters import BY_NAME
 PREFIX: Final = "lab:"
 NAME: Final = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 MANIFEST, LOG, BELIEF = "laboratory.json", "pushes.log", "belief.json"
-MODELS, WAITING, RECORDINGS, LOCK = "models", "waiting.log", "recordings.txt", ".lock"
+MODELS, WAITING, LOCK = "models", "waiting.log", ".lock"
 PHYSICS: Final = "physics"  # in service in place of a network: as it is believed
 PLANAR: Final = "planar"  # likewise: with values of no laboratory
 SHIPPED: Final = "shipped"  # likewise: the model that comes with SAIN
@@ -130,12 +128,6 @@ class Laboratory:
         return cls(laboratory_path(name))
 
     @property
-    def recordings(self) -> list[str]:
-        """Where recordings lie that were added."""
-        path = self.path / RECORDINGS
-        return read_regular_text(path).splitlines() if path.exists() else []
-
-    @property
     def bytes(self) -> int:
         """The size of all its files."""
         return sum(path.stat().st_size for path in self.path.rglob("*") if path.is_file())
@@ -212,11 +204,6 @@ class OpenLaboratory(Laboratory):
             _write_manifest(self.path, manifest)
             self.manifest = manifest
 
-    def link(self, recording: Path) -> None:
-        """Keep where a recording lies that was added."""
-        lines = list(dict.fromkeys([*self.recordings, str(recording.resolve())]))
-        write_whole(self.path / RECORDINGS, ("\n".join(lines) + "\n").encode())
-
     def receive(self, record: Record) -> None:
         """Keep a push until `learned_all`, over a kill too; raises `OutputError`."""
         self._waiting.append(record)
@@ -279,12 +266,11 @@ def _sign(path: Path) -> None:
     """Name the files of a laboratory that was opened as ours: they are written again and again."""
     for name in (MANIFEST, LOG, WAITING, LOCK):
         sign(path / name, grows=True)
-    for changed in (path / BELIEF, path / RECORDINGS):
-        if is_file(changed) and not is_ours(changed):
-            raise OutputError(
-                f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
-            )
-    claim_folder(path, (MANIFEST, BELIEF, RECORDINGS))
+    if is_file(changed := path / BELIEF) and not is_ours(changed):
+        raise OutputError(
+            f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
+        )
+    claim_folder(path, (MANIFEST, BELIEF))
 
 
 def _is_count(value: Any) -> bool:
@@ -301,7 +287,7 @@ def _are_numbers(value: Any) -> bool:
 
 ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events, by name
     **dict.fromkeys(("pushes", "since", "keep"), _is_count),
-    **dict.fromkeys(("errors", "turns", "anchor"), _are_numbers),
+    **dict.fromkeys(("errors", "anchor"), _are_numbers),
     **dict.fromkeys(("id", "episode"), lambda text: isinstance(text, str)),
     "time": _is_number,
     "service": lambda name: name in (PHYSICS, PLANAR, SHIPPED) or NETWORK.fullmatch(name),
@@ -314,7 +300,7 @@ ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events,
 }
 RECORDS: Final = ("push", "belief", "event", "end")
 NEEDED: Final = {  # by kinds of records and of events
-    "push": ("errors", "turns"), "belief": ("pushes", "parameters"),
+    "push": ("errors",), "belief": ("pushes", "parameters"),
     log.LOADED: ("service",), log.DROPPED: ("service",), log.TRAINED: ("model", "unseen"),
     log.TRAINING: ("model", "since"), log.LEFT_OUT: ("model",), log.NOT_LEARNED: ("id",),
     log.CHANGED: ("service", "keep", "anchor"),
