@@ -20,7 +20,6 @@ from sain_core.wire import decode_goal
 from sain_core.wire.bodies import decode_bodies
 
 FIELDS: Final = ("episode_id", "keep_tolerance", "poses", "keep")  # of a `Goal`
-ANY_EPISODE: Final = 0  # in a goal: it holds for all
 POSE: Final = 3  # numbers: x, y, heading
 KEEP: Final = POSE + 2  # column behind the tolerances of place and heading
 UNKNOWN: Final = np.full(len(FRICTIONS), np.nan)
