@@ -53,7 +53,7 @@ def play_on_graph(graph, number, case):
 
 @pytest.mark.parametrize("full_motion", [False, True])
 def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
-    graph.start(SimNode, shadow=False, bullet__full_motion=full_motion)
+    graph.start(SimNode, shadow=False, cell__full_motion=full_motion)
     graph.start(MppiNode, dynamics="in_process", model="sain")
     graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
     played = PLAYED[:1] if full_motion else PLAYED

@@ -16,7 +16,7 @@ SMALL = {"shadow": False, "images__detail": 0.25, "images__rate": 5.0}
 
 def test_a_push_starts_from_a_scene_that_was_seen(graph, tmp_path):
     """Images are taken only while somebody subscribes."""
-    simulator = graph.start(SimNode, scenes=False, bullet__wait_aside=True, **SMALL)
+    simulator = graph.start(SimNode, scenes=False, cell__wait_aside=True, **SMALL)
     graph.spin(0.5)
     assert simulator.simulator._images is None
     world = simulator.simulator.parameters

@@ -9,11 +9,12 @@ from abc import ABC, abstractmethod
 from collections import deque
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, Final
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
+from rclpy.publisher import Publisher
 
 from sain_arm.planning import push_events as events
 from sain_arm.planning.push_events import Action, ArmState, Event, Phase
@@ -22,7 +23,7 @@ from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.reach import table_of_reach
 from sain_arm.planning.timing import Trajectory
 from sain_core.errors import CancelledError
-from sain_core.feasibility import ReachTable, Stroke
+from sain_core.feasibility import Reach, ReachTable, Stroke
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, steady_timer
 from sain_core.ros.push_driver import PushDriver
@@ -31,7 +32,6 @@ from sain_core.ros.worker import Worker
 from sain_interfaces.msg import Push
 
 LOOK: Final = 0.02  # [s] between looks at the arm
-REACH: Final = OccupancyGrid, "reach_table", LATCHED
 
 Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome
 
@@ -121,15 +121,23 @@ class PushingNode(Node, ABC):
         planned = events.PushPlanned if isinstance(wanted, events.PlanPush) else events.WayPlanned
         self.update(planned(done.result() if error is None else error))
 
+    @cached_property
+    def _reach_table(self) -> Publisher:
+        return self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
+
     def find_reach(self, planner: PushPlanner) -> None:
-        """Publish where the arm reaches, and take pushes, once that is computed."""
-        name, publisher = planner.robot.name, self.create_publisher(*REACH)
+        """Take pushes once it is computed where the arm reaches; planners wait for that."""
+        self.worker.submit(
+            lambda: table_of_reach(planner),
+            lambda done: self.take_reach(done.result()),  # a wrong file of a robot ends the node
+        )
+        assert self._reach_table is not None
 
-        def take(done: "Future[ReachTable]") -> None:
-            reach = done.result()  # what is wrong with the robot's file ends the node
-            self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
-            publisher.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
-            self.update(events.ReachFound())
-            self.get_logger().info(f"{name} reaches {reach.describe()}")
-
-        self.worker.submit(lambda: table_of_reach(planner), take)
+    def take_reach(self, reach: Reach) -> None:
+        """Take pushes within a reach; publish it if it is a table."""
+        self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
+        if isinstance(reach, ReachTable):
+            stamp = codec.encode_time(round(1e9 * self.driver.now()))
+            self._reach_table.publish(codec.encode_reach(reach, stamp))
+            self.get_logger().info(f"the arm reaches {reach.describe()}")
+        self.update(events.ReachFound())

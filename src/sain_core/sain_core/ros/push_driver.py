@@ -47,7 +47,7 @@ class PushDriver:
     Attributes:
         feasibility: what pushes are possible.
         session: the ids of episode, scene and pushes.
-        now: the time of headers [s].
+        now: returns the time of headers [s], by default of the node's clock.
         answer: publishes a result.
         owned: topics that nobody else may publish.
         conflict: who publishes one of them, too, in words.
@@ -61,12 +61,10 @@ class PushDriver:
         feasibility: Feasibility,
         old: float = OLD,
         sees: bool = False,
-        now: Callable[[], float] | None = None,
     ) -> None:
         """Call `begin` with each push that may be carried out; what it raises refuses the push.
 
         No push is made from a scene that is older than `old` [s], unless the robot itself `sees`.
-        The time of headers is `now`, by default that of the node's clock.
         """
         self._node, self._begin, self._sees = node, begin, sees
         self.feasibility = feasibility
@@ -80,7 +78,7 @@ class PushDriver:
         self.owned: tuple[str, ...] = ("push_result",)
         self._late = inf  # when bodies have moved for too long [s], of a steady clock
         self.counts = {"executed": 0, "refused": 0}
-        self.now = now or (lambda: float(node.get_clock().now().nanoseconds * 1e-9))
+        self.now = lambda: float(node.get_clock().now().nanoseconds * 1e-9)
         results = node.create_publisher(PushResult, "push_result", QUEUE)
         self.answer: Callable[[PushResult], None] = results.publish
         self.reception = Reception(node)

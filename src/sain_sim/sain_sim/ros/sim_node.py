@@ -1,19 +1,17 @@
 """The simulator node: a robot whose cell is simulated in this process, with a reset and a clock."""
 
 from concurrent.futures import Future
-from dataclasses import replace
 from time import monotonic
 from typing import Any, Final
 
 from sain_arm.planning import push_events as events
 from sain_arm.planning.push_events import ArmState, Ended, Ending, Phase
 from sain_arm.planning.push_execution import PushExecution
-from sain_arm.planning.push_planner import PushPlan, PushPlanner
-from sain_arm.ros.pushing_node import REACH, PushingNode, Wanted
+from sain_arm.planning.push_planner import PushPlan
+from sain_arm.ros.pushing_node import PushingNode, Wanted
 from sain_core import wire
 from sain_core.errors import CancelledError, SainError
-from sain_core.feasibility import ReachTable, Stroke
-from sain_core.ros import codec
+from sain_core.feasibility import Stroke
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver
@@ -36,22 +34,17 @@ class SimNode(PushingNode):
         """Build the worlds and start the first episode."""
         super().__init__("sim_node", "physics", **options)
         self._stopped, config = "", read_parameters(self, SimulatorConfig)
-        cell, self.pacer = config.cell, Pacer(config.real_time_factor)
-        cell = cell.fitted(PushPlanner(cell.arm, config=cell.motion))
-        config = replace(config, cell=cell)
-        self.execution = PushExecution(cell.motion, cell.feasibility.limits.clearance)
-        self.driver = driver = PushDriver(
-            self, self.begin, cell.feasibility, sees=True, now=lambda: self.pacer.now
-        )
+        self.pacer = pacer = Pacer(config.real_time_factor)
+        self.driver = driver = PushDriver(self, self.begin, config.cell.feasibility, sees=True)
+        driver.now = lambda: pacer.now
         driver.owned += ("/clock", "scene", "shapes") if config.scenes else ("/clock",)
-        self.simulator = self.worker.call(lambda: Simulator(config, self.pacer))
+        self.simulator = self.worker.call(lambda: Simulator(config, pacer))
+        driver.feasibility = feasibility = self.simulator.config.cell.feasibility
+        self.execution = PushExecution(config.cell.motion, feasibility.limits.clearance)
         self.publishing = publishing = Publishing(self, self.simulator, driver)
         self.episodes = Episodes(self, self.simulator, self.worker, publishing, driver)
         self._joints = publishing.sample.joint_positions
-        self.update(events.ReachFound())
-        if isinstance(reach := cell.feasibility.reach, ReachTable):  # others have the usual one
-            self._reach = self.create_publisher(*REACH)
-            self._reach.publish(codec.encode_reach(reach, self.get_clock().now().to_msg()))
+        self.take_reach(feasibility.reach)
         if not config.scenes:
             driver.reception.listen(SceneMessage, "scene", self._on_scene, RELIABLE)
         steady_timer(self, 1 / config.images.rate / (config.real_time_factor or 1), self._on_image)
@@ -94,9 +87,8 @@ class SimNode(PushingNode):
     def _carry_out(self) -> tuple[Sample, PushResult]:
         """Make the push that is under way, on the worker's thread."""
         push, disks = wire.decode_push(self._push), self._push.disks
-        return self.simulator.push(
-            push, self._on_sample, wire.decode_disks(disks) if disks else None
-        )
+        seen = wire.decode_disks(disks) if disks else None
+        return self.simulator.push(push, self._on_sample, seen)
 
     def _on_sample(self, sample: Sample) -> None:
         """Publish a moving world, on the worker's thread: the executor publishes no states then."""

@@ -7,7 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
-from sain_arm.planning.push_planner import PushPlan
+from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.robot.robot import Robot
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
@@ -77,7 +77,8 @@ class Simulator:
 
     def __init__(self, config: SimulatorConfig, pacer: Pacer) -> None:
         """Make the worlds; `reset` starts an episode."""
-        self.config = config
+        planner = PushPlanner(config.cell.arm, config=config.cell.motion)
+        self.config = config = replace(config, cell=config.cell.fitted(planner))
         self.pacer = pacer
         self.world = open_world(nominal_parameters(), config.cell, config.engine)
         self.window: Window | None = None

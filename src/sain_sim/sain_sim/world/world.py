@@ -4,7 +4,7 @@ A push becomes one `Stroke` of the tool, which is checked once, at this door, an
 """
 
 from abc import abstractmethod
-from typing import Final, Self
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -198,6 +198,7 @@ class World(CheckedWorld):
         table = config.feasibility.table
         self._planner = self._simulation.planner
         self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
+        self._planned: tuple[Any, PushPlan] | None = None  # for what, the latest
         self._steps = 0
         self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
 
@@ -311,10 +312,15 @@ class World(CheckedWorld):
     def plan(self, stroke: Stroke) -> PushPlan:
         """Return the motion of the arm for a stroke from here, checked as a whole."""
         bodies, radii = self.parameters.bodies, self.parameters.radii
+        scene = self.observe()
         if self._planned_for != (bodies, radii):
             self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)
             self._planned_for = bodies, radii
-        return self._planner.plan(stroke, self.observe(), None)
+        ends = stroke.start.tobytes(), stroke.end.tobytes()
+        wanted = (bodies, radii, *ends, stroke.speed, stroke.body, scene.tobytes())
+        if self._planned is None or self._planned[0] != wanted:
+            self._planned = wanted, self._planner.plan(stroke, scene, None)
+        return self._planned[1]
 
     def _route(self, stroke: Stroke, guarded: bool) -> Route:
         """Return the joints along a push; raises as `plan`, unguarded for poses and speeds."""
