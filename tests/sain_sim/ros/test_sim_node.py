@@ -144,6 +144,14 @@ def test_a_push_for_bodies_that_cannot_be_is_refused(graph, simulator):
         assert result.before == result.after == scene
 
 
+def test_a_push_without_length_is_executed_and_moves_nothing(graph, simulator):
+    scene = latest(graph)
+    graph.push(scene, 3, (0.0, 0.0, 0.0))
+    result = graph.result(3)
+    assert (result.error_code, result.after.scene_id) == (ErrorCode.OK, scene.scene_id + 1)
+    assert result.before.disks == result.after.disks == scene.disks
+
+
 def test_a_push_id_works_once(graph, simulator):
     graph.push(latest(graph), 5, AHEAD)
     graph.result(5)

@@ -46,6 +46,7 @@ class PushExecution:
 
     A goal has succeeded when the controller says so and the joints are at its end. An approach that
     was to be cancelled has not. A goal that was not sent, as bodies were moved, is a push refused.
+    A push without length is executed once all is ready: nothing moves.
 
     Attributes:
         phase: what the arm does.
@@ -127,6 +128,8 @@ class PushExecution:
             late = arm.time > self._since + (WAIT if self._has_reach else FINDING)
             return self._refuse(BusyError(missing)) if late else []
         assert arm.joints is not None and self._stroke is not None
+        if self._stroke.length == 0.0 and not self._dry_run:
+            return self._conclude()
         self.phase = Phase.PLANS
         return [events.PlanPush(self._stroke, arm.joints)]
 
@@ -147,8 +150,6 @@ class PushExecution:
         if self._dry_run:
             text = "a dry run: the way is possible; nothing was moved"
             return self._refuse(CancelledError(text))
-        if self._stroke.length == 0.0:
-            return self._conclude()
         self._plan, self.phase = plan, Phase.APPROACHES
         return self._send(plan.approach, arm, touches=True)
 

@@ -58,7 +58,8 @@ class SimNode(PushingNode):
         """Take a push; it is kept, so that it is answered also after a crash."""
         self.pacer.idle()
         self.episodes.begin(push)
-        self._push, self._joints = push, self.publishing.sample.joint_positions
+        self._push, self._pushed = push, (self.publishing.sample, PushResult())
+        self._joints = self.publishing.sample.joint_positions
         super().begin(push, stroke)
 
     def arm_state(self) -> ArmState:
@@ -67,10 +68,8 @@ class SimNode(PushingNode):
         return ArmState(now, self.pacer.now, self._joints, stamp=now, changed=now, still=True)
 
     def plan(self, wanted: Wanted) -> PushPlan:
-        """Plan a push; one without length is made with it."""
+        """Plan a push."""
         assert isinstance(wanted, events.PlanPush)  # the arm leaves each stroke by itself
-        if wanted.stroke.length == 0.0:
-            self._pushed = self._carry_out()
         return self.simulator.plan(wanted.stroke)
 
     def send(self, goal: events.Send) -> None:
