@@ -13,7 +13,7 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from sain_arm.robot.arm_model import ArmModel
-from sain_arm.robot.urdf import ROOT, visible
+from sain_arm.robot.urdf import visible
 from sain_core.camera.image_camera import Shot
 from sain_core.errors import SainError
 from sain_core.guarding.ros.reception import shortened
@@ -41,7 +41,7 @@ class Transforms:
     """Publishes where links and bodies are, each frame once a moment: tf2 drops repeated data."""
 
     def __init__(self, node: Node, config: WorldConfig, frame_prefix: str) -> None:
-        """Describe the arm and its fixed frames, to whoever joins."""
+        """Describe the arm, to whoever joins."""
         self._prefix = frame_prefix
         self._arm = ArmModel(config.arm)
         self._description = visible(config.arm.description)
@@ -52,11 +52,9 @@ class Transforms:
         self._stamp_ns = -1
 
     def describe(self, stamp: Time, camera: TransformStamped) -> None:
-        """Publish the arm's description, and the frames that never move, with a camera's."""
+        """Publish the arm's description, and the frame of a camera, which never moves."""
         self._said.publish(String(data=self._description))
-        root = self._transform(ROOT, Vector3(), Quaternion(w=1.0), stamp)
-        # In one message: late subscribers with a short queue hear only one.
-        self._static.publish(TFMessage(transforms=[root, camera]))
+        self._static.publish(TFMessage(transforms=[camera]))
 
     def publish(self, sample: Sample, now_ns: int) -> None:
         """Publish where links and bodies are at a time [ns]; nothing where that is known."""
