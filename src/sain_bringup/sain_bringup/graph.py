@@ -33,6 +33,7 @@ DEFAULT_ROBOT: Final = "paper_panda"  # of `sain_sim.world.workcell.WorldConfig`
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it
+ROBOT_KEY: Final = "robot"  # of a bag's custom data: name or file of the robot that moved
 EPISODES_KEY: Final = "episodes"  # of a bag's custom data: "scenario:seed scenario:seed ..."
 ELSEWHERE: Final = "elsewhere"  # the driver that is started by somebody else
 SIMULATOR: Final = "simulator"

@@ -10,12 +10,13 @@ import numpy as np
 from PIL import Image
 from rich.text import Text
 
+from sain_arm.robot.robot import read_robot
 from sain_bags.reading.reader import Bag
 from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
-from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY
+from sain_bringup.graph import DEFAULT_ROBOT, EPISODES_KEY, NAMESPACE_KEY, ROBOT_KEY
 from sain_bringup.movie import Scenery, choose_moments, encode_gif, episode_moments, start_film
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
@@ -23,7 +24,6 @@ from sain_core.scene import RADIUS, unit
 from sain_core.view.scenes import goal_marks
 from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
-from sain_sim.world.workcell import WorldConfig
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
 CORNERS: Final = 72  # of a ring
@@ -210,6 +210,6 @@ def begin_film(bag: Bag, one: PlayedEpisode) -> Generator[list[Image.Image], Non
     # The body has reached its place when it lies wholly inside the ring.
     ring = (mark.body.radius + mark.tolerance) * unit(np.linspace(0.0, 2 * np.pi, CORNERS))
     goal = mark.body.outline if mark.body.marked else mark.body.place + ring
-    robot = WorldConfig().arm
+    robot = read_robot(bag.custom_data.get(ROBOT_KEY, DEFAULT_ROBOT))
     scenery = Scenery(robot, bodies, tuple(start[:, RADIUS].tolist()), goal, one.title)
     return start_film(scenery, choose_moments(episode_moments(bag, one.episode)))

@@ -27,7 +27,7 @@ CAMERA = CameraModel(640, 480, CONFIG.matrix, np.zeros(5), *CONFIG.stated_pose)
 
 
 def camera_of(config: ImageCameraConfig) -> ImageCamera:
-    return image_camera(config, read_robot("panda"), FILE.bodies, FILE.radii)
+    return image_camera(config, read_robot("paper_panda"), FILE.bodies, FILE.radii)
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
     RECORDINGS,
+    ROBOT_KEY,
     GraphOptions,
     absent,
 )
@@ -120,8 +121,8 @@ class ClosedLoopOptions(GraphOptions):
     def custom_data(self, namespace: str) -> dict[str, str]:
         """Return what was played and by what."""
         episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in self.plans)
-        about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, "model": self.model}
-        return about | provenance()
+        about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, ROBOT_KEY: self.robot}
+        return about | {"model": self.model} | provenance()
 
     def simulator(self) -> dict[str, str]:
         """Have the arm move all the way, for whom watches the recording."""
