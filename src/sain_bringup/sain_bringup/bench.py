@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from sain_arm.robot.robot import SHIPPED, read_robot
+from sain_bringup.reach import fitting_place
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.errors import ConfigError, OutOfRangeError
@@ -21,6 +22,7 @@ from sain_vision.detection.tags import SMALLEST
 SERVER: Final = "bench"
 ENABLE: Final = "enable"
 ROBOT: Final = "robot"
+APART: Final = 0.2  # [m], middles of bodies in a row
 SEEN_TIMEOUT: Final = "3.0"  # [s], age of scenes that come from images drawn here
 
 
@@ -54,26 +56,26 @@ class Bench:
 
     @cached_property
     def place(self) -> tuple[float, ...]:
-        """x, y, heading of a body that the arm could not push in the middle; of others nothing.
+        """x, y, heading of each body: in a row, where the arm can push the largest.
 
         Raises:
             ConfigError: one that may be pushed is too large for the robot's reach.
         """
-        from sain_arm.planning.reach import fitting_place
-
         robot, bodies = read_robot(self.robot), read_bodies(self.bodies_file)
         reach = PushLimits().clearance + robot.tool_radius
         pushable = max(bodies.bodies.pushable, key=lambda body: bodies.radii[body])
         radius = bodies.radii[pushable]
         size = radius * bodies.bodies.shapes[pushable].circumradius
         try:
-            place = fitting_place(robot, size + reach)
+            place = fitting_place(self.robot, size + reach)
         except OutOfRangeError as error:
             raise ConfigError(
                 f"{bodies.called(pushable)} is too large, with a radius of {radius:g} m: {error};"
                 " give --bodies with a smaller one"
             ) from error
-        return () if place is None or len(bodies.names) > 1 else (*place.tolist(), 0.0)
+        x, y = place.tolist()
+        row = APART * (np.arange(len(bodies.names)) - 0.5 * (len(bodies.names) - 1))
+        return tuple(number for offset in row.tolist() for number in (x, y + offset, 0.0))
 
     def check(self) -> None:
         """Check what needs time: that the robot can push the bodies, and its camera read the tags.
@@ -94,8 +96,8 @@ class Bench:
             "bodies": str(self.bodies_file.absolute()),
             "faults": self.faults,
             "pace": self.pace,
+            "place": list(self.place),
         }
-        given |= {"place": list(self.place)} if self.place else {}
         given |= {} if self.camera is None else {"poses": "false", **self.camera}
         server = command_of_node("sain_sim", "trajectory_server", ros, **given)
         # A camera that is computed on the same cores is late; a real one keeps to the default.
@@ -120,10 +122,9 @@ def check_bench_engine(engine: str) -> None:
 def check_tags(bodies: BodyFile, place: tuple[float, ...]) -> None:
     """Raise `ConfigError` where the camera shows a tag too small; bodies are at places."""
     camera = ImageCameraConfig()
-    x, y = place[:2] or camera.focus[:2]
     for body, tags in enumerate(bodies.tags):
         for tag in tags:
-            places = tag.corners() + np.array([x, y])
+            places = tag.corners() + place[3 * body : 3 * body + 2]
             corners = np.insert(places, 2, bodies.heights[body], axis=1)
             seen = (corners - camera.eye) @ camera.rotation @ camera.matrix.T
             pixels = seen[:, :2] / seen[:, 2:]

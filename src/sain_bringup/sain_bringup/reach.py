@@ -1,17 +1,30 @@
 """How much of the table a robot reaches, and whether a scenario lies within."""
 
 from collections.abc import Iterable
+from functools import lru_cache
+from typing import Final
 
 import numpy as np
 
 from sain_arm.robot.robot import read_robot
-from sain_core.errors import ConfigError
-from sain_core.feasibility import ReachTable
+from sain_core.errors import ConfigError, OutOfRangeError
+from sain_core.feasibility import Reach
 from sain_core.scene import POSITION, Table
+from sain_core.types import Points
 from sain_eval.scenes.families import ScenarioScene
 
+TABLE: Final = Table()
+ASIDE: Final = 0.1  # of the distance from the middle line, that counts against a place
+PLACES: Final = np.stack(  # (P, 2) [m], all over the table
+    np.meshgrid(
+        np.linspace(TABLE.x_min, TABLE.x_max, 101), np.linspace(TABLE.y_min, TABLE.y_max, 101)
+    ),
+    axis=-1,
+).reshape(-1, 2)
 
-def robot_reach(robot: str) -> ReachTable:
+
+@lru_cache(maxsize=1)
+def robot_reach(robot: str) -> Reach:
     """Return where a robot of this file or name can push; takes about a second.
 
     Raises:
@@ -20,20 +33,34 @@ def robot_reach(robot: str) -> ReachTable:
     from sain_arm.planning.push_planner import PushPlanner
     from sain_arm.planning.reach import FEW, table_of_reach
 
-    return table_of_reach(PushPlanner(read_robot(robot)), FEW)
+    planner = PushPlanner(read_robot(robot))
+    return planner.robot.reach or table_of_reach(planner, FEW)
 
 
-def describe_reach(robot: str, reach: ReachTable, table: Table = Table()) -> str:
+def describe_reach(robot: str) -> str:
     """Return in words how much of the table a robot reaches."""
-    xs, ys = (
-        np.linspace(low, high, 100)
-        for low, high in ((table.x_min, table.x_max), (table.y_min, table.y_max))
-    )
-    share = reach.contains(np.stack(np.meshgrid(xs, ys), axis=-1)).mean()
+    reach = robot_reach(robot)
+    share = reach.contains(PLACES).mean()
     return f"robot {robot!r} reaches {share:.0%} of the table, {reach.describe()}"
 
 
-def check_reach(robot: str, reach: ReachTable, cases: Iterable[ScenarioScene]) -> None:
+def fitting_place(robot: str, needed: float) -> Points:
+    """Return a place (2,) [m] with most reach all around, near the middle line of the table.
+
+    Raises:
+        OutOfRangeError: nowhere as much as needed [m].
+    """
+    rooms = robot_reach(robot).room(PLACES)
+    if (most := float(rooms.max())) < needed:
+        raise OutOfRangeError(
+            f"the tool of robot {robot!r} must stand {needed:.3f} m from the body's middle on all"
+            f" sides; the largest circle in its reach has a radius of {most:.3f} m"
+        )
+    score = np.where(rooms < needed, -np.inf, rooms - ASIDE * abs(PLACES[:, 1]))
+    return np.asarray(PLACES[np.argmax(score)])
+
+
+def check_reach(robot: str, cases: Iterable[ScenarioScene]) -> None:
     """Check that what is pushed in scenes, and its goals, are where a robot reaches.
 
     Raises:
@@ -41,19 +68,17 @@ def check_reach(robot: str, reach: ReachTable, cases: Iterable[ScenarioScene]) -
     """
     for case in cases:
         for body in case.bodies.pushable:
-            _check_place(robot, reach, case, f"body {body}", case.disks[body, POSITION])
+            _check_place(robot, case, f"body {body}", case.disks[body, POSITION])
         for pose in (pose for goal in case.goals for pose in goal.poses):
             if pose.body in case.bodies.pushable:
                 place = np.array([pose.x, pose.y])
-                _check_place(robot, reach, case, f"a goal of body {pose.body}", place)
+                _check_place(robot, case, f"a goal of body {pose.body}", place)
 
 
-def _check_place(
-    robot: str, reach: ReachTable, case: ScenarioScene, what: str, place: np.ndarray
-) -> None:
-    if not reach.contains(place):
+def _check_place(robot: str, case: ScenarioScene, what: str, place: Points) -> None:
+    if not robot_reach(robot).contains(place):
         x, y = place
         raise ConfigError(
-            f"{describe_reach(robot, reach)}: {what} is at ({x:.2f}, {y:.2f}) m in {case.scenario},"
+            f"{describe_reach(robot)}: {what} is at ({x:.2f}, {y:.2f}) m in {case.scenario},"
             f" seed {case.seed}; choose another --scenario, --seed or --robot"
         )

@@ -24,7 +24,7 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.reach import describe_reach, robot_reach
+from sain_bringup.reach import describe_reach
 from sain_core.guarding import lifetime
 from sain_core.shapes.body_file import write_tagged_bodies
 from sain_model.compute.kernel_store import compile_visibly
@@ -53,7 +53,7 @@ def run(options: GraphOptions, console: Console) -> int:
     if options.bench is not None:
         options.bench.check()
     if options.robot != DEFAULT_ROBOT:
-        tell(describe_reach(options.robot, robot_reach(options.robot)))
+        tell(describe_reach(options.robot))
     try:
         check_free(options)
         compile_visibly(console)

@@ -4,21 +4,16 @@ from collections import deque
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from sain_arm.planning.push_planner import PushPlanner
-from sain_arm.robot.robot import Robot, Vector
-from sain_core.errors import OutOfRangeError, SainError, UnreachableError
+from sain_arm.robot.robot import Vector
+from sain_core.errors import SainError, UnreachableError
 from sain_core.feasibility import ReachTable
 from sain_core.push import DEFAULT_SPEED
-from sain_core.scene import unit
 
 CELLS: Final = 40  # along the shorter side of the workspace
 FINEST: Final = 0.01  # [m], side of a cell; the coarsest is 2.5 times as large
 FEW: Final = 20  # cells, where a minute is too long
-AROUND: Final = 13  # places on a circle
-Place = Float[ndarray, "2"]
 POINTS: Final = 5  # of the lowering
 SINGULAR: Final = 0.02  # of the largest singular value
 SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1))
@@ -65,48 +60,6 @@ def table_of_reach(planner: PushPlanner, cells: int = CELLS) -> ReachTable:
             " check base, tool, home and workspace in its file"
         )
     return ReachTable.of((float(left), float(bottom)), cell, free.T)
-
-
-def fitting_place(robot: Robot, needed: float) -> Place | None:
-    """Return the middle (2,) [m] of a circle in which the tool can stand; None: the workspace's.
-
-    The radius needed is in m.
-
-    Raises:
-        OutOfRangeError: there is no circle that large in the reach.
-        UnreachableError: the arm cannot stand anywhere.
-    """
-    planner, middle = PushPlanner(robot), robot.workspace[:2].mean(axis=1)
-    if _stands_around(planner, middle, needed):
-        return None
-    table = table_of_reach(planner, FEW)
-    rows, columns = np.indices(table.free.shape)
-    middles = np.array(table.corner) + table.cell * (np.stack([columns, rows], axis=-1) + 0.5)
-    rooms = table.room(middles)
-    best = np.unravel_index(int(np.argmax(rooms)), rooms.shape)
-    if (most := float(rooms[best]) + table.cell) < needed:
-        raise OutOfRangeError(
-            f"the tool of robot {robot.name!r} must stand {needed:.3f} m from the body's middle on"
-            f" all sides; the largest circle in its reach has a radius of {most:.3f} m"
-        )
-    return np.asarray(middles[best])
-
-
-def _stands_around(planner: PushPlanner, middle: Place, radius: float) -> bool:
-    """Tell whether the tool can stand on a circle, to which it comes straight from home."""
-    home = planner.arm.tip(planner.robot.home)[:2]
-    circle = middle + radius * unit(np.linspace(0.0, 2.0 * np.pi, AROUND))
-    way = home + np.linspace(0.0, 1.0, AROUND)[:, None] * (circle[0] - home)
-    joints = planner.robot.home
-    for place in way:  # the tool need not be lowered on its way
-        found = _joints_at(planner, place, joints)
-        joints = joints if found is None else found
-    for place in circle:
-        found = _joints_at(planner, place, joints)
-        if found is None:
-            return False
-        joints = found
-    return True
 
 
 def _joints_at(planner: PushPlanner, place: np.ndarray, near: Vector) -> Vector | None:

@@ -23,7 +23,7 @@ from sain_bringup.graph import (
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.reach import check_reach, robot_reach
+from sain_bringup.reach import check_reach
 from sain_bringup.running import start
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import OutputError, SainError
@@ -156,7 +156,7 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
     interrupts, display = Interrupts(), Display(console)
     if options.robot != DEFAULT_ROBOT:
         cases = [draw_scene(scenario, seed) for scenario, seed in options.plans]
-        check_reach(options.robot, robot_reach(options.robot), cases)
+        check_reach(options.robot, cases)
     folder = make_output_folder(options)
     options = replace(options, out=folder)
     try:

@@ -8,7 +8,7 @@ import numpy as np
 
 from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_events import Ending
-from sain_arm.robot.robot import Robot, Vector
+from sain_arm.robot.robot import Vector
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import ConfigError
@@ -28,7 +28,6 @@ from sain_sim.world.world import World
 
 MASS: Final = (0.4, 1.2)  # [kg], of bodies whose file states none
 FRICTION: Final = (0.1, 0.3)  # with the table, where no world has its own
-APART: Final = 0.2  # [m], middles of bodies in a row
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class BenchConfig(TruthConfig):
 
     cell: WorldConfig = WorldConfig(motion=MotionConfig())
     bodies: str = option("", "YAML file of the bodies")
-    place: tuple[float, ...] = option((), "x, y [m] and heading [rad] of each body; none: in a row")
+    place: tuple[float, ...] = option((), "x, y [m], heading [rad] of each body; none: on a grid")
     pace: float = option(
         1.0, "how many times as fast as the wall clock it runs", minimum=0.05, maximum=20.0
     )
@@ -77,7 +76,8 @@ class Bench:
         parameters = parameters_of(self.bodies, config, config.seed)
         self.world = World(parameters, config.cell, config.engine)
         self.robot = self.world.robot
-        self.place(places_of(config.place, parameters.count, self.robot))
+        if config.place:
+            self.place(_poses(config.place, parameters.count))
         faults = parse_faults(config.faults)
         self.controller = Controller(self.robot, self.joints, config.controller, faults)
         self.report = Report(self.robot, parameters.bodies, parameters.radii)
@@ -149,16 +149,7 @@ def parameters_of(bodies: BodyFile, truth: TruthConfig, seed: int) -> WorldParam
     )
 
 
-def places_of(given: tuple[float, ...], count: int, robot: Robot) -> Poses:
-    """Return poses (N, 3): as given, or in a row before the robot.
-
-    Raises:
-        ConfigError: not three numbers for each body.
-    """
-    if given and len(given) != 3 * count:
+def _poses(given: tuple[float, ...], count: int) -> Poses:
+    if len(given) != 3 * count:
         raise ConfigError(f"place has {len(given)} numbers; {count} bodies need {3 * count}")
-    if given:
-        return np.array(given).reshape(count, 3)
-    middle = robot.workspace[:2].mean(axis=1)
-    offsets = np.arange(count) - 0.5 * (count - 1)
-    return np.stack([0.0 * offsets + middle[0], middle[1] + APART * offsets, 0.0 * offsets], axis=1)
+    return np.array(given).reshape(count, 3)
