@@ -158,7 +158,7 @@ def test_a_wrong_value_is_named_before_anything_is_imported(
     [
         ("sain_sim", "sim_node", [], "rclpy"),
         ("sain_sim", "sim_node", ["--ros-args"], "pybullet"),
-        ("sain_model", "model_node", [], "torch"),
+        ("sain_model", "model_node", [], "numba"),
         ("sain_model", "train", ["data", "--out", "none"], "torch"),
         ("sain_eval", "evaluate", ["--controllers", "sain"], "numba"),
         ("sain_bags", "info", ["none"], "rich"),

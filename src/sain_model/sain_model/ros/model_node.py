@@ -81,7 +81,7 @@ class ModelNode(Node):
 
         compile_kernels(report)
         self._doing = loading
-        # PyTorch takes a second to load: a mistake in the parameters is reported before.
+        # Numba takes a second to load: a mistake in the parameters is reported before.
         from sain_model.serving.server import load_server
 
         return load_server(self.config)
