@@ -6,7 +6,7 @@ from math import cos, pi, sin
 import pytest
 
 from sain_core.shapes import library
-from sain_core.shapes.solids import Compound
+from sain_core.shapes.solids import Prism
 
 
 def regular_corners(sides: int) -> tuple[tuple[float, float], ...]:
@@ -16,7 +16,7 @@ def regular_corners(sides: int) -> tuple[tuple[float, float], ...]:
     return tuple((away * cos(bearing), away * sin(bearing)) for bearing in bearings)
 
 
-HEXAGON = Compound.of("six_sided", regular_corners(6))
+HEXAGON = Prism.of("six_sided", regular_corners(6))
 SOME = ("disk", "cube", "triangle", "t", "u", "half_ring", "star")  # round, convex, hollow, ragged
 
 
@@ -32,7 +32,7 @@ def own_shapes() -> Iterator[None]:
 
 
 @pytest.fixture
-def hexagon(own_shapes: None) -> Compound:
+def hexagon(own_shapes: None) -> Prism:
     """The hexagon, known by its name while a test runs."""
     library.register(HEXAGON)
     return HEXAGON

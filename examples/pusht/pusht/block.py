@@ -14,7 +14,7 @@ from sain_core.push import TOOL_RADIUS
 from sain_core.scene import RADIUS, THETA, make_scene, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Vector
-from sain_core.shapes.solids import Compound, centroid
+from sain_core.shapes.solids import Prism, centroid
 
 DISK: Final = 15.0  # [px], radius of the disk: gym-pusht's add_circle
 PIXEL: Final = TOOL_RADIUS / DISK  # [m]
@@ -34,7 +34,7 @@ GYRATION: Final = 0.73423  # [radii], fitted: the mass of gym-pusht's T is not s
 
 
 @dataclass(frozen=True)
-class PushtShape(Compound):
+class PushtShape(Prism):
     """A T with the moment of inertia that it has in gym-pusht."""
 
     def inertia(self, mass: float, radius: float) -> Vector:

@@ -16,7 +16,7 @@ from sain_core.shapes.library import (
     register_outlines,
     shape_names,
 )
-from sain_core.shapes.outlines import FINEST, OUTLINES_FILE, Traced, trace, write_outlines
+from sain_core.shapes.outlines import FINEST, OUTLINES_FILE, trace, write_outlines
 from sain_core.shapes.solids import centroid
 
 
@@ -66,7 +66,7 @@ def test_an_outline_file_is_a_shape_by_its_path_and_by_its_name(tmp_path, monkey
     file.parent.mkdir(parents=True)
     file.write_text(json.dumps({"shapes": {"comb": comb(4)}}))
     shape = get_shape("comb")
-    assert isinstance(shape, Traced) and len(shape.parts(1.0)) > 1
+    assert shape.is_traced and len(shape.parts(1.0)) > 1
     assert get_shape(str(file)) == get_shape(shape.name) == shape
     assert get_shape("comb:flat").lies_flat and "comb" in shape_names()
     assert Bodies.named(("comb:flat", "disk")).shapes[0].name == f"{shape.name}:flat"

@@ -7,7 +7,7 @@ import pytest
 
 from sain_core.errors import ConfigError
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.solids import Compound, even_supports, flat_bottom
+from sain_core.shapes.solids import Prism, even_supports, flat_bottom
 
 SQUARE = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 
@@ -27,7 +27,7 @@ SQUARE = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 )
 def test_corners_that_make_no_body_are_refused(corners, message):
     with pytest.raises(ConfigError, match=f"shape 'odd' has .*{message}"):
-        Compound.of("odd", corners)
+        Prism.of("odd", corners)
 
 
 SHAPES = ("disk", "square", "t", "star", "bar", "ring_segment")

@@ -9,7 +9,7 @@ import pytest
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.library import get_shape, shape_names
-from sain_core.shapes.solids import Compound
+from sain_core.shapes.solids import Prism
 from sain_core.wire.bodies import check_unchanged, decode_bodies
 
 PRISM = 5
@@ -55,7 +55,7 @@ def test_what_does_not_stand_on_three_feet_lies_flat(name):
 
 
 def test_a_shape_that_is_not_installed_is_made_of_its_parts():
-    shape = Compound.of(
+    shape = Prism.of(
         "tee_of_others", *(tuple(map(tuple, p.tolist())) for p in get_shape("t").parts(1))
     )
     sent = body("tee_of_others", parts=[prism(part) for part in shape.parts(0.09)])

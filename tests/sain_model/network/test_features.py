@@ -7,7 +7,7 @@ from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, PushLimits, make_push
 from sain_core.scene import POSITION, THETA, make_scene, mirror_scenes, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.solids import Compound
+from sain_core.shapes.solids import Prism
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import PhysicsPrediction, ResidualNetwork
 from sain_model.network.feature_kernels import (
@@ -95,13 +95,13 @@ def assert_same(first: Features, second: Features) -> None:
 
 
 def test_two_ways_to_write_an_outline_look_the_same():
-    halves = Compound.of(
+    halves = Prism.of(
         "t of halves",
         ((2.0, 3.0), (4.0, 3.0), (4.0, 4.0), (2.0, 4.0)),
         ((1.5, 0.0), (2.5, 0.0), (2.5, 3.0), (1.5, 3.0)),
         ((0.0, 3.0), (2.0, 3.0), (2.0, 4.0), (0.0, 4.0)),
     )
-    spun = Compound.of(
+    spun = Prism.of(
         "t from another corner",
         ((2.5, 0.0), (2.5, 3.0), (1.5, 3.0), (1.5, 0.0)),
         ((4.0, 4.0), (0.0, 4.0), (0.0, 3.0), (4.0, 3.0)),
@@ -152,7 +152,7 @@ def test_renumbering_bodies_renumbers_rows():
 
 def test_a_mirror_changes_signs_alone():
     mirrored = tuple(
-        Compound.of(
+        Prism.of(
             f"{name} in a mirror",
             *(tuple((x, -y) for x, y in reversed(part)) for part in get_shape(name).polygons),
         )

@@ -30,7 +30,6 @@ from sain_core.scene import (
 )
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.shapes.library import get_shape
-from sain_core.shapes.outlines import Traced
 from sain_core.shapes.shape import REGULAR_FEET, Shape
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.parameters import AXES
@@ -80,7 +79,7 @@ def test_a_disk_as_a_polygon_moves_like_the_disk(config):
     away = np.sqrt(np.pi / (32 * np.sin(2 * np.pi / 64)))
     corners = tuple((away * np.cos(b), away * np.sin(b)) for b in bearings.tolist())
 
-    class Regular(Traced):
+    class Regular(Prism):
         feet = REGULAR_FEET
 
     polygon = Regular("nearly round", corners)

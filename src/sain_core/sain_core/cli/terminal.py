@@ -2,21 +2,20 @@
 
 import os
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from math import inf
-from textwrap import wrap
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
-from rich.cells import cell_len
-from rich.console import Console, ConsoleOptions
+from rich.console import Console, ConsoleOptions, JustifyMethod, RenderableType, RenderResult
 from rich.markup import escape
+from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
     from rich.status import Status
 
-GAP: Final = "  "
+MOST_WIDTH: Final = 10_000  # columns of a line in a pipe
 PERIOD: Final = 5.0  # [s] between two lines where there is no terminal
 Rows = Iterable[Sequence[str]]
 
@@ -36,8 +35,8 @@ def transient_bar(
     )
 
 
-class FittingTable:
-    """Aligned columns where they fit the terminal; otherwise each row as ``name: value`` pairs.
+class FittingTable(Table):
+    """Aligned columns in which long texts are folded where the terminal is narrow; numbers never.
 
     Print it with ``console.print(table, soft_wrap=True)``. In a pipe a row is always one line,
     unless COLUMNS says how wide lines may be.
@@ -45,53 +44,27 @@ class FittingTable:
 
     def __init__(self, names: Sequence[str], left: Sequence[str] = (), title: str = "") -> None:
         """Begin with columns, of which the first, or these, are aligned to the left."""
-        self._title, self._names = title, list(names)
-        self._right = [name not in (left or names[:1]) for name in names]
-        self._rows: list[list[Text]] = []
+        super().__init__(box=None, header_style="dim", pad_edge=False)
+        self._heading = title
+        self.padding = (0, 2, 0, 0)
+        for name in names:
+            text = name in (left or names[:1])
+            justify: JustifyMethod = "left" if text else "right"
+            self.add_column(Text(name), justify=justify, no_wrap=not text, overflow="fold")
 
-    def add_row(self, *cells: str | Text) -> None:
-        """Add a row of as many cells as there are columns."""
-        assert len(cells) == len(self._names)
-        self._rows.append([cell if isinstance(cell, Text) else Text(cell) for cell in cells])
+    def add_row(self, *cells: RenderableType | None, **look: Any) -> None:
+        """Add a row of as many cells as there are columns; a text is no markup."""
+        assert len(cells) == len(self.columns)
+        super().add_row(*(Text(cell) if isinstance(cell, str) else cell for cell in cells), **look)
 
-    def __rich_console__(self, console: Console, _: ConsoleOptions) -> Iterator[Text]:
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         """Yield the lines."""
+        if self._heading:
+            yield Text(self._heading, style="italic")
+        least, wanted = self.__rich_measure__(console, options.update(max_width=MOST_WIDTH))
         limited = console.is_terminal or "COLUMNS" in os.environ
-        if self._title:
-            lines = wrap(self._title, console.width) if limited else [self._title]
-            yield from (Text(line, style="italic") for line in lines)
-        columns = zip(self._names, *(map(str, row) for row in self._rows), strict=True)
-        widths = [max(map(cell_len, column)) for column in columns]
-        if limited and sum(widths) + len(GAP) * (len(widths) - 1) > console.width:
-            for row in self._rows:
-                yield from self._pairs(row, console.width)
-            return
-        yield self._line([Text(name, style="dim") for name in self._names], widths)
-        for row in self._rows:
-            yield self._line(row, widths)
-
-    def _line(self, cells: list[Text], widths: list[int]) -> Text:
-        padded = []
-        for cell, width, right in zip(cells, widths, self._right, strict=True):
-            space = " " * (width - cell.cell_len)
-            padded.append(Text.assemble(space, cell) if right else Text.assemble(cell, space))
-        line = Text(GAP).join(padded)
-        line.rstrip()
-        return line
-
-    def _pairs(self, row: list[Text], width: int) -> Iterator[Text]:
-        """Yield a row: its first cell, and below it the others, as many in a line as fit."""
-        names = self._names
-        start = row[0] if not self._right[0] else Text.assemble(f"{names[0]} ", row[0])
-        yield Text.assemble(start, style="bold")
-        line = Text()
-        for name, cell in zip(names[1:], row[1:], strict=True):
-            pair = Text.assemble((f"{name}: " if name else "", "dim"), cell)
-            if line and line.cell_len + pair.cell_len + 2 * len(GAP) > width:
-                yield Text.assemble(GAP, line)
-                line = Text()
-            line = Text.assemble(line, GAP if line else "", pair)
-        yield Text.assemble(GAP, line)
+        self.width = max(least, min(wanted, console.width)) if limited else wanted
+        yield from super().__rich_console__(console, options.update(no_wrap=False, overflow="fold"))
 
 
 def make_table(title: str, header: Sequence[str], rows: Rows) -> FittingTable:

@@ -24,9 +24,9 @@ import numpy as np
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.guarding.plugins import Plugins, did_you_mean
 from sain_core.guarding.untrusted import MOST_PARTS
-from sain_core.shapes.outlines import HASH, Traced, read_stated, stored_outlines
+from sain_core.shapes.outlines import HASH, read_stated, stored_outlines
 from sain_core.shapes.shape import FLAT, FLAT_MARK, Pair, Shape
-from sain_core.shapes.solids import CUBE, DISK, Compound, Disk
+from sain_core.shapes.solids import CUBE, DISK, Disk, Prism
 
 RANDOM_CORNERS: Final = (5, 6, 7, 8, 9, 10)  # of the random polygons, by seed
 LEAST_GAP: Final = 0.35  # [rad], between two corners of a random polygon
@@ -84,41 +84,41 @@ def _random_polygon(seed: int, count: int) -> tuple[Pair, ...]:
 def library() -> tuple[Shape, ...]:
     """Return the library; only when it is needed, since its outlines take 0.3 s."""
     return (
-        Compound.of("square", _box(1, 1)),
-        Compound.of("box_3x2", _box(3, 2)),
-        Compound.of("box_2x1", _box(2, 1)),
-        Compound.of("box_3x1", _box(3, 1)),
-        Compound.of("bar", _box(5, 1)),
-        Compound.of("butter", _clipped_box(2.4, 1, 0.1)),
-        Compound.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
-        Compound.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
-        Compound.of("wedge", ((0, 0), (4, 0), (2, 1.3))),
-        Compound.of("spire", ((0, 0), (2, 0), (1, 3))),
-        Compound.of("pentagon", _arc(0, 2 * pi, 5)[:-1]),
-        Compound.of("hexagon", _arc(0, 2 * pi, 6)[:-1]),
-        Compound.of("octagon", _arc(0, 2 * pi, 8)[:-1]),
-        Compound.of("ellipse", _ellipse(1, 0.5)),
-        Compound.of("oval", _ellipse(1, 0.7)),
-        Compound.of("half_disk", _arc(0, pi, 12)),
-        Compound.of("quarter_disk", ((0, 0), *_arc(0, pi / 2, 9))),
-        Compound.of("trapezoid", ((0, 0), (4, 0), (3, 2), (1, 2))),
-        Compound.of("parallelogram", ((0, 0), (3, 0), (4, 2), (1, 2))),
-        Compound.of("rhombus", ((2, 0), (0, 1.2), (-2, 0), (0, -1.2))),
-        Compound.of("kite", ((0, 0), (1.2, 1), (0, 3), (-1.2, 1))),
-        Compound.of("t", _box(4, 1, y=3), _box(1, 3, x=1.5)),  # the proportions of Push-T
-        Compound.of("l", _box(1, 4), _box(2, 1, x=1)),
-        Compound.of("corner", _box(1, 3), _box(2, 1, x=1)),
-        Compound.of("u", _box(4, 1), _box(1, 2, y=1), _box(1, 2, x=3, y=1)),
-        Compound.of("z", _box(2, 1, x=1), _box(2, 1, y=1)),
-        Compound.of("h", _box(1, 3), _box(1, 1, x=1, y=1), _box(1, 3, x=2)),
-        Compound.of("plus", _box(1, 1, x=1), _box(3, 1, y=1), _box(1, 1, x=1, y=2)),
-        Compound.of("star", *_star(5, 0.5)),
-        Compound.of("star_6", *_star(6, 0.6)),
-        Compound.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
-        Compound.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 5)),
-        Compound.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 7)),
+        Prism.of("square", _box(1, 1)),
+        Prism.of("box_3x2", _box(3, 2)),
+        Prism.of("box_2x1", _box(2, 1)),
+        Prism.of("box_3x1", _box(3, 1)),
+        Prism.of("bar", _box(5, 1)),
+        Prism.of("butter", _clipped_box(2.4, 1, 0.1)),
+        Prism.of("triangle", _arc(0, 2 * pi, 3)[:-1]),
+        Prism.of("right_triangle", ((0, 0), (4, 0), (0, 3))),
+        Prism.of("wedge", ((0, 0), (4, 0), (2, 1.3))),
+        Prism.of("spire", ((0, 0), (2, 0), (1, 3))),
+        Prism.of("pentagon", _arc(0, 2 * pi, 5)[:-1]),
+        Prism.of("hexagon", _arc(0, 2 * pi, 6)[:-1]),
+        Prism.of("octagon", _arc(0, 2 * pi, 8)[:-1]),
+        Prism.of("ellipse", _ellipse(1, 0.5)),
+        Prism.of("oval", _ellipse(1, 0.7)),
+        Prism.of("half_disk", _arc(0, pi, 12)),
+        Prism.of("quarter_disk", ((0, 0), *_arc(0, pi / 2, 9))),
+        Prism.of("trapezoid", ((0, 0), (4, 0), (3, 2), (1, 2))),
+        Prism.of("parallelogram", ((0, 0), (3, 0), (4, 2), (1, 2))),
+        Prism.of("rhombus", ((2, 0), (0, 1.2), (-2, 0), (0, -1.2))),
+        Prism.of("kite", ((0, 0), (1.2, 1), (0, 3), (-1.2, 1))),
+        Prism.of("t", _box(4, 1, y=3), _box(1, 3, x=1.5)),  # the proportions of Push-T
+        Prism.of("l", _box(1, 4), _box(2, 1, x=1)),
+        Prism.of("corner", _box(1, 3), _box(2, 1, x=1)),
+        Prism.of("u", _box(4, 1), _box(1, 2, y=1), _box(1, 2, x=3, y=1)),
+        Prism.of("z", _box(2, 1, x=1), _box(2, 1, y=1)),
+        Prism.of("h", _box(1, 3), _box(1, 1, x=1, y=1), _box(1, 3, x=2)),
+        Prism.of("plus", _box(1, 1, x=1), _box(3, 1, y=1), _box(1, 1, x=1, y=2)),
+        Prism.of("star", *_star(5, 0.5)),
+        Prism.of("star_6", *_star(6, 0.6)),
+        Prism.of("arrow", _box(2, 1, y=0.5), ((2, 0), (3.5, 1), (2, 2))),
+        Prism.of("ring_segment", *_ring_segment(-pi / 3, pi / 3, 0.6, 5)),
+        Prism.of("half_ring", *_ring_segment(-pi / 2, pi / 2, 0.55, 7)),
         *(
-            Compound.of(f"random_{seed}", _random_polygon(seed, count))
+            Prism.of(f"random_{seed}", _random_polygon(seed, count))
             for seed, count in enumerate(RANDOM_CORNERS)
         ),
     )
@@ -236,7 +236,7 @@ def _read_outline(path: Path, _changed: int) -> Shape:
     for note in body.mended:
         log.warning("%s: %r: %s", path, name, note)
     shape = body.shape
-    if isinstance(shape, Traced):
+    if isinstance(shape, Prism):
         corners, parts = len(shape.corners), len(shape.parts(1.0))
         if corners > MOST_OUTLINE or parts > MOST_PARTS:
             raise DatasetError(

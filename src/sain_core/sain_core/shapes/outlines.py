@@ -8,7 +8,7 @@ import hashlib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from math import pi, sin
 from pathlib import Path
 from typing import Any, Final
@@ -27,7 +27,7 @@ from sain_core.guarding.untrusted import (
 )
 from sain_core.output import write_json
 from sain_core.scene import unit
-from sain_core.shapes.shape import FEET, Pair, Ring, Shape
+from sain_core.shapes.shape import FEET, Pair, Shape
 from sain_core.shapes.solids import DISK, TOLERANCE, Disk, Prism, centroid
 from sain_core.types import Points
 
@@ -46,25 +46,6 @@ HASH: Final = 6  # digits in a name
 
 
 @dataclass(frozen=True)
-class Traced(Prism):
-    """An upright prism with an outline that was measured, about its centroid."""
-
-    corners: tuple[Pair, ...] = ()  # counter-clockwise, in units of the circumscribed radius
-
-    def outline(self, radius: float) -> Points:
-        """Return the corners (M, 2) [m], counter-clockwise."""
-        return radius * np.array(self.corners)
-
-    @cached_property
-    def _convex_parts(self) -> tuple[Ring, ...]:
-        return convex_parts(self.outline(1.0))
-
-    def parts(self, radius: float) -> tuple[Ring, ...]:
-        """Return convex polygons (M, 2) [m] that together are the footprint."""
-        return tuple(radius * part for part in self._convex_parts)
-
-
-@dataclass(frozen=True)
 class BodyOutline:
     """A body as its user states it."""
 
@@ -72,35 +53,6 @@ class BodyOutline:
     radius: float  # circumscribed about the centroid [m]
     centre: Pair  # of the centroid in the user's frame of the body (x, y) [m]
     mended: tuple[str, ...] = ()  # what was changed in the user's outline, in words
-
-
-def convex_parts(outline: Points) -> tuple[Ring, ...]:
-    """Return convex polygons, counter-clockwise, that make up what an outline (M, 2) encloses.
-
-    Triangles are joined across an edge as long as the union stays convex (Hertel and Mehlhorn,
-    1983: at most four times as many as are needed).
-    """
-    from shapely import Polygon, constrained_delaunay_triangles, get_parts, orient_polygons
-
-    whole = Polygon(outline)
-    parts = [whole] if _is_convex(whole) else list(get_parts(constrained_delaunay_triangles(whole)))
-    joined = len(parts) > 1
-    while joined:
-        joined = False
-        for second in range(len(parts) - 1, 0, -1):
-            for first in range(second):
-                union = parts[first].union(parts[second])
-                if _is_convex(union):
-                    parts[first], joined = union, True
-                    del parts[second]
-                    break
-    return tuple(np.array(orient_polygons(part).exterior.coords)[:-1] for part in parts)
-
-
-def _is_convex(polygon: Any) -> bool:
-    hull = polygon.convex_hull
-    whole = polygon.geom_type == "Polygon" and not polygon.interiors
-    return bool(whole and hull.area - polygon.area < TOLERANCE * hull.area)
 
 
 # --- what users state -----------------------------------------------------------------------------
@@ -200,7 +152,7 @@ def trace(name: str, points: Points, what: str = "the outline") -> BodyOutline:
     _check_size(what, radius)
     scaled = tuple((x, y) for x, y in ((corners - middle) / radius).tolist())
     return BodyOutline(
-        Traced(hashed_name(name, scaled), scaled),
+        Prism(hashed_name(name, scaled), scaled),
         radius,
         (float(middle[0]), float(middle[1])),
         tuple(mended),
@@ -250,11 +202,12 @@ def hashed_name(name: str, corners: tuple[Pair, ...]) -> str:
 def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
     """Write the outlines of traced shapes beside a data set; raises `OutputError`."""
     standing = (shape.on(FEET) for shape in shapes)
-    traced = {shape.name: shape.corners for shape in standing if isinstance(shape, Traced)}
+    prisms = [shape for shape in standing if isinstance(shape, Prism) and shape.is_traced]
+    traced = {shape.name: shape.corners for shape in prisms}
     write_json(folder / OUTLINES_FILE, {UNIT: RADII, SHAPES: traced})
 
 
-def stored_outlines(folder: Path) -> tuple[Traced, ...]:
+def stored_outlines(folder: Path) -> tuple[Prism, ...]:
     """Return the shapes of a data set, if it has any; raises `DatasetError`."""
     path = folder / OUTLINES_FILE
     if not path.exists():
@@ -266,12 +219,12 @@ def stored_outlines(folder: Path) -> tuple[Traced, ...]:
 
 
 @lru_cache(maxsize=64)
-def _stored(text: str) -> tuple[Traced, ...]:
+def _stored(text: str) -> tuple[Prism, ...]:
     content = parse_json(text)
     return tuple(_checked(name, corners) for name, corners in content[SHAPES].items())
 
 
-def _checked(name: str, corners: list[list[float]]) -> Traced:
+def _checked(name: str, corners: list[list[float]]) -> Prism:
     """Return a stored shape, if it is what `trace` makes."""
     from shapely import Polygon
 
@@ -282,4 +235,4 @@ def _checked(name: str, corners: list[list[float]]) -> Traced:
     reach, middle = np.hypot(*outline.T).max(), np.hypot(*centroid(outline))
     if not Polygon(outline).is_valid or abs(reach - 1.0) > TOLERANCE or middle > TOLERANCE:
         raise ValueError(f"the outline of {name!r} is not a simple one about its centroid")
-    return Traced(name, pairs)
+    return Prism(name, pairs)

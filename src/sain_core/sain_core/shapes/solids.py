@@ -1,10 +1,10 @@
 """What bodies stand on: three feet, or a flat bottom, as points that each carry a part of it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from itertools import combinations
 from math import cos, pi, sin
-from typing import ClassVar, Final, Self
+from typing import Any, ClassVar, Final, Self
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from numpy import ndarray
 from sain_core.errors import ConfigError
 from sain_core.guarding.untrusted import MOST_CORNERS, MOST_PARTS
 from sain_core.scene import DISK_HEIGHT, unit
-from sain_core.shapes.shape import REGULAR_FEET, Pair, Shape, Solid, Vector, is_inside
+from sain_core.shapes.shape import REGULAR_FEET, Pair, Ring, Shape, Solid, Vector, is_inside
 from sain_core.types import Mask, Points
 
 INSET: Final = 0.06  # [radii], from the outline to the middle of a foot, where there is room
@@ -164,10 +164,53 @@ GRID: Final = 1e-9  # [radii], to which corners of a union are rounded
 SCALES: Final = (1e-3, 1e6)  # the same in any unit: a union is rounded to `GRID`
 
 
+@dataclass(frozen=True)
 class Prism(Shape):
-    """An upright prism; what follows from its outline."""
+    """An upright prism about its centroid, with a circumscribed radius of 1, on three feet.
+
+    Attributes:
+        corners: of its outline, counter-clockwise [radii].
+        polygons: convex ones, counter-clockwise, that it is the union of; empty: of its outline.
+    """
+
+    corners: tuple[Pair, ...] = ()
+    polygons: tuple[tuple[Pair, ...], ...] = ()
 
     solid: ClassVar = Solid.PRISM
+
+    @property
+    def is_traced(self) -> bool:
+        """Whether it was measured: only its outline is stated."""
+        return not self.polygons
+
+    @classmethod
+    def of(cls, name: str, *polygons: tuple[Pair, ...]) -> Self:
+        """Return the union of convex polygons of any scale and place.
+
+        Raises `ConfigError`: one is not convex, they do not touch along a side or enclose a hole.
+        """
+        check_parts(polygons, name)
+        outline = union_outline(polygons, name)
+        centre = centroid(outline)
+        scale = float(np.hypot(*(outline - centre).T).max())
+        moved = tuple(_pairs((np.array(polygon) - centre) / scale) for polygon in polygons)
+        return cls(name, _pairs(union_outline(moved, name)), moved)
+
+    @cached_property
+    def _outline(self) -> Points:
+        return np.array(self.corners)
+
+    def outline(self, radius: float) -> Points:
+        """Return the corners (M, 2) [m], counter-clockwise."""
+        return radius * self._outline
+
+    @cached_property
+    def _parts(self) -> tuple[Ring, ...]:
+        return tuple(map(np.array, self.polygons)) or convex_parts(self._outline)
+
+    def parts(self, radius: float) -> tuple[Ring, ...]:
+        """Return convex polygons (M, 2) [m] that together are the footprint."""
+        return tuple(radius * part for part in self._parts)
 
     @cached_property
     def feet(self) -> tuple[Pair, ...]:
@@ -198,79 +241,32 @@ class Prism(Shape):
         return along_y + mass * upright, along_x + mass * upright, along_x + along_y
 
 
-@dataclass(frozen=True)
-class Compound(Prism):
-    """An upright prism whose cross-section is a union of convex polygons, on three feet.
-
-    Raises `ConfigError` for parts that are no convex polygons, do not touch along a side or enclose
-    a hole, and where centroid and circumscribed radius are not those that `of` gives them.
-    """
-
-    polygons: tuple[tuple[Pair, ...], ...] = field(default=())  # each counter-clockwise
-
-    def __post_init__(self) -> None:
-        """Check the parts and their union."""
-        check_parts(self.polygons, self.name)
-        outline = union_outline(self.polygons, self.name)
-        _check_centre(outline, self.name)
-        if abs(self.circumradius - 1.0) > TOLERANCE:
-            raise ConfigError(
-                f"shape {self.name!r} has a circumscribed radius of {self.circumradius:.6g};"
-                " it must be 1: make it with Compound.of"
-            )
-
-    @classmethod
-    def of(cls, name: str, *polygons: tuple[Pair, ...]) -> Self:
-        """Return the shape with polygons of any scale and place."""
-        check_parts(polygons, name)
-        outline = union_outline(polygons, name)
-        centre = centroid(outline)
-        scale = float(np.hypot(*(outline - centre).T).max())
-        moved = (((np.array(polygon) - centre) / scale).tolist() for polygon in polygons)
-        return cls(name, tuple(tuple((x, y) for x, y in polygon) for polygon in moved))
-
-    @cached_property
-    def _outline(self) -> Points:
-        return union_outline(self.polygons, self.name)
-
-    def outline(self, radius: float) -> Points:
-        """Return the corners (M, 2) [m] of the union, counter-clockwise."""
-        return radius * self._outline
-
-    def parts(self, radius: float) -> tuple[Points, ...]:
-        """Return the polygons (M, 2) [m] that the body consists of."""
-        return tuple(radius * np.array(polygon) for polygon in self.polygons)
-
-
-def check_convex(corners: tuple[Pair, ...], what: str) -> None:
-    """Raise `ConfigError` unless corners make a convex polygon, counter-clockwise."""
-    points = np.array(corners)
-    if not 3 <= len(corners) <= MOST_CORNERS:
-        raise ConfigError(
-            f"{what} has {len(corners)} corners; it needs 3 or more, and at most {MOST_CORNERS}"
-        )
-    if not np.isfinite(points).all():
-        raise ConfigError(f"{what} has corners {corners}; give finite ones")
-    here, after = _sides(np.roll(points, -1, axis=0) - points)
-    turns = np.arctan2(_cross(here, after), (here * after).sum(axis=1))
-    if (turns <= 0.0).any() or not np.isclose(turns.sum(), 2 * pi):
-        raise ConfigError(
-            f"{what} has corners {corners}; allowed: a convex polygon, counter-clockwise"
-        )
+def _pairs(points: Points) -> tuple[Pair, ...]:
+    return tuple((x, y) for x, y in points.tolist())
 
 
 def check_parts(polygons: tuple[tuple[Pair, ...], ...], name: str) -> None:
-    """Raise `ConfigError` unless each part of a shape is a convex polygon."""
+    """Raise `ConfigError` unless each part of a shape is a convex polygon, counter-clockwise."""
     if not 1 <= len(polygons) <= MOST_PARTS:
         raise ConfigError(f"shape {name!r} has {len(polygons)} parts; allowed: 1 to {MOST_PARTS}")
     for number, corners in enumerate(polygons):
-        what = f"part {number} of shape {name!r}"
-        check_convex(corners, what)
-        farthest, (low, high) = float(np.hypot(*np.array(corners).T).max()), SCALES
-        if not low <= farthest <= high:
-            raise ConfigError(
-                f"{what} has its farthest corner at {farthest:.3g}; allowed: {low:g} to {high:g}"
-            )
+        if problem := _part_problem(corners):
+            raise ConfigError(f"part {number} of shape {name!r} has {problem}")
+
+
+def _part_problem(corners: tuple[Pair, ...]) -> str:
+    points = np.array(corners)
+    if not 3 <= len(corners) <= MOST_CORNERS:
+        return f"{len(corners)} corners; it needs 3 or more, and at most {MOST_CORNERS}"
+    if not np.isfinite(points).all():
+        return f"corners {corners}; give finite ones"
+    here, after = _sides(np.roll(points, -1, axis=0) - points)
+    turns = np.arctan2(_cross(here, after), (here * after).sum(axis=1))
+    if (turns <= 0.0).any() or not np.isclose(turns.sum(), 2 * pi):
+        return f"corners {corners}; allowed: a convex polygon, counter-clockwise"
+    farthest, (low, high) = float(np.hypot(*points.T).max()), SCALES
+    inside = low <= farthest <= high
+    return "" if inside else f"its farthest corner at {farthest:.3g}; allowed: {low:g} to {high:g}"
 
 
 def union_outline(polygons: tuple[tuple[Pair, ...], ...], name: str) -> Points:
@@ -297,33 +293,46 @@ def centroid(outline: Points) -> ndarray:
     return np.asarray(((here + after) * share[:, None]).sum(axis=0) / (3 * share.sum()))
 
 
-def _check_centre(outline: Points, name: str) -> None:
-    x, y = centroid(outline)
-    if max(abs(x), abs(y)) > TOLERANCE:
-        raise ConfigError(
-            f"shape {name!r} has its centroid at ({x:.4g}, {y:.4g}); it must be (0, 0)"
-        )
-
-
 def _sides(points: Points) -> tuple[Points, Points]:
     """Return where each side (M, 2) of a ring of points (M, 2) begins and ends."""
     return points, np.roll(points, -1, axis=0)
 
 
-@dataclass(frozen=True)
+def convex_parts(outline: Points) -> tuple[Ring, ...]:
+    """Return convex polygons, counter-clockwise, that make up what an outline (M, 2) encloses.
+
+    Triangles are joined across an edge as long as the union stays convex (Hertel and Mehlhorn,
+    1983: at most four times as many as are needed).
+    """
+    from shapely import Polygon, constrained_delaunay_triangles, get_parts, orient_polygons
+
+    whole = Polygon(outline)
+    parts = [whole] if _is_convex(whole) else list(get_parts(constrained_delaunay_triangles(whole)))
+    joined = len(parts) > 1
+    while joined:
+        joined = False
+        for second in range(len(parts) - 1, 0, -1):
+            for first in range(second):
+                union = parts[first].union(parts[second])
+                if _is_convex(union):
+                    parts[first], joined = union, True
+                    del parts[second]
+                    break
+    return tuple(np.array(orient_polygons(part).exterior.coords)[:-1] for part in parts)
+
+
+def _is_convex(polygon: Any) -> bool:
+    hull = polygon.convex_hull
+    whole = polygon.geom_type == "Polygon" and not polygon.interiors
+    return bool(whole and hull.area - polygon.area < TOLERANCE * hull.area)
+
+
 class Cube(Prism):
     """An upright square block, about the disk of its radius."""
 
-    solid: ClassVar = Solid.BOX
+    solid = Solid.BOX
     feet = REGULAR_FEET
 
-    def outline(self, radius: float) -> Points:
-        """Return the corners (4, 2) [m], counter-clockwise."""
-        return radius * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 
-    def parts(self, radius: float) -> tuple[Points, ...]:
-        """Return the one square."""
-        return (self.outline(radius),)
-
-
-CUBE: Final = Cube("cube")
+SQUARE: Final = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+CUBE: Final = Cube("cube", SQUARE, (SQUARE,))

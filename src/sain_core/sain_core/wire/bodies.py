@@ -17,7 +17,7 @@ from sain_core.guarding.untrusted import LEAST_RADIUS, LONGEST_NAME, MOST_BODIES
 from sain_core.shapes.bodies import Bodies, as_roles
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
-from sain_core.shapes.solids import DISK, Compound
+from sain_core.shapes.solids import DISK, Prism
 from sain_core.types import Points
 
 BOX: Final = 1  # of shape_msgs/SolidPrimitive
@@ -144,7 +144,7 @@ def _made(number: int, name: str, parts: list[Ring] | None) -> Shape:
         return get_shape(DISK)
     polygons: list[tuple[Pair, ...]] = [tuple((x, y) for x, y in part.tolist()) for part in parts]
     try:
-        made = Compound.of(name, *polygons)
+        made = Prism.of(name, *polygons)
     except ConfigError as error:
         raise InvalidInputError(f"body {number}: {error}") from error
     moved = float(np.abs(made.parts(1.0)[0] - parts[0]).max())

@@ -15,7 +15,6 @@ from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.shapes.body_file import BodyFile, Poses, read_bodies
 from sain_core.shapes.library import register
-from sain_core.shapes.outlines import Traced
 from sain_core.shapes.shape import FEET
 from sain_core.types import Scene
 from sain_sim.bench.controller import Controller, ControllerConfig
@@ -135,8 +134,7 @@ def parameters_of(bodies: BodyFile, truth: TruthConfig, seed: int) -> WorldParam
     """Return the bodies of a file in a world; what neither file nor world states is drawn."""
     random, count = generator(seed, "bench"), len(bodies.names)
     for shape in bodies.bodies.on(FEET).shapes:
-        if isinstance(shape, Traced):  # of a file that only the bodies' file names
-            register(shape)
+        register(shape)  # of a file, perhaps, that only the bodies' file names
     drawn = tuple(random.uniform(*MASS, count).tolist())
     return truth.roughen(
         WorldParameters(
