@@ -31,6 +31,7 @@ from sain_core.scene import (
 from sain_core.shapes.bodies import Bodies, Role, overlap
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.shape import REGULAR_FEET, Shape
+from sain_core.shapes.solids import Prism
 from sain_core.types import Pushes, Scenes
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarConfig, PlanarPrior
