@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
+from sain_core.errors import ConfigError, UntrustedFileError
 from sain_core.guarding.documents import (
     DEPTH,
     DIGITS,
@@ -12,9 +12,7 @@ from sain_core.guarding.documents import (
     dump_yaml,
     parse_json,
     parse_yaml,
-    read_json,
     read_user_yaml,
-    read_yaml,
 )
 
 DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
@@ -25,12 +23,11 @@ DEEP = "[" * (DEPTH + 1) + "]" * (DEPTH + 1)
     [
         (DEEP, "more than 64 deep"),
         ('{"a":' * 100_000, "more than 64 deep"),
-        ("9" * (DIGITS + 1), "101 digits; allowed: 100"),
+        ("9" * 400, "the number '9+[.]+ is too large for a double"),
         ("[" + "1," * 4_000_000 + "1]", "more than 4,000,000 values"),
         ('["\\ud800"]', "half a character"),
         ("{", "Expecting property name"),
         ('[{"b": {"a": 1, "b": 1, "a": 2}}]', "the key 'a' is given twice"),
-        ('{"a": 1,\n "a": 2}', r"the key 'a' is given twice \(lines with it: 1, 2\); remove one"),
     ],
 )
 def test_json_is_refused(text, reason):
@@ -87,20 +84,7 @@ def test_numbers_are_those_of_yaml_1_2(text, value):
 
 
 def test_what_is_dumped_is_read_as_it_was():
-    texts = [
-        "1e0",
-        "7e12",
-        "010",
-        "1:30",
-        ".5",
-        "yes",
-        "",
-        "1_0",
-        "+1",
-        "0x1f",
-        "a: b",
-        "2020-01-01",
-    ]
+    texts = "1e0 7e12 010 1:30 .5 yes 1_0 +1 0x1f 2020-01-01".split() + ["", "a: b"]
     content = {"texts": texts, "numbers": [1.0, 1e-7, 1e22, 3, float("inf")], "b": None, "a": True}
     assert parse_yaml(dump_yaml(content)) == content
     assert list(parse_yaml(dump_yaml(content))) == list(content)
@@ -130,14 +114,3 @@ def test_a_file_of_a_user_is_refused_in_one_line(tmp_path, content, text):
     with pytest.raises(ConfigError, match=f"^settings {path}.*{text}") as refused:
         read_user_yaml(path, "settings", "; try another one")
     assert "\n" not in str(refused.value)
-
-
-READERS = [read_json, read_yaml]
-
-
-@pytest.mark.parametrize("read", READERS)
-def test_a_file_that_is_no_text(read, tmp_path):
-    path = tmp_path / "file"
-    path.write_bytes(b"\xff\xfe")
-    with pytest.raises(DatasetError, match="not UTF-8"):
-        read(path)
