@@ -15,7 +15,7 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.untrusted import MOST_PARTS, MOST_RADIUS
 from sain_core.shapes.library import MOST_OUTLINE
-from sain_core.shapes.outlines import convex_parts
+from sain_core.shapes.solids import convex_parts
 from sain_core.types import Points
 from sain_vision.detection.sighting import FOUND, draw_line
 from sain_vision.optics import CameraModel
