@@ -37,19 +37,13 @@ Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome
 
 
 class PushingNode(Node, ABC):
-    """Carries out one push at a time. What is abstract, a robot adds.
+    """Carries out one push at a time. What is abstract, a robot adds."""
 
-    Attributes:
-        execution: the state machine.
-        driver: takes pushes and answers them.
-        worker: the thread for what must not block the executor.
-    """
-
-    execution: PushExecution
-    driver: PushDriver
+    execution: PushExecution  # the state machine; a robot makes it,
+    driver: PushDriver  # and this, which takes pushes and answers them
 
     def __init__(self, name: str, thread: str, **options: Any) -> None:
-        """Make the node, and a worker with this name; the robot makes machine and driver."""
+        """Make the node, and a thread with this name for what must not block the executor."""
         super().__init__(name, namespace=NAMESPACE, **options)
         self.worker = Worker(self, thread)
         self._events, self._is_updating = deque[Event](), False

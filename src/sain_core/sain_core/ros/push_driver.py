@@ -35,6 +35,7 @@ LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner wait
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
 LOOK: Final = 0.5  # [s] between looks for a second robot, and for bodies that do not come to rest
 MAKER: Final = "does a node make scenes of the camera's poses?"
+Begin = Callable[[Push, Stroke], None]
 SEEN: Final = 0.001  # [m], of a body that was moved: far more than rest, less than noise
 
 
@@ -45,19 +46,16 @@ class PushDriver:
     was carried out by `conclude`. For others scenes and shapes are subscribed.
 
     Attributes:
-        feasibility: what pushes are possible.
-        session: the ids of episode, scene and pushes.
         now: returns the time of headers [s], by default of the node's clock.
         answer: publishes a result.
         owned: topics that nobody else may publish.
         conflict: who publishes one of them, too, in words.
-        counts: of pushes.
     """
 
     def __init__(
         self,
         node: Node,
-        begin: Callable[[Push, Stroke], None],
+        begin: Begin,
         feasibility: Feasibility,
         old: float = OLD,
         sees: bool = False,

@@ -1,24 +1,17 @@
 """The episodes of a simulator: how one begins, and how it goes on where another process crashed."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final
+from typing import Final
 
-from rclpy.node import Node
-
-from sain_core import wire
 from sain_core.errors import BusyError, CancelledError, ErrorCode, SainError
 from sain_core.guarding.ros.reception import introspect, shortened
 from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros import codec
 from sain_core.ros.node_main import steady_timer
-from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.worker import Worker
-from sain_core.types import Scene
 from sain_interfaces.msg import Push, PushResult
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.simulator import Simulator
 from sain_sim.world.workcell import Sample
 
 LOOK_AGAIN: Final = 0.1  # [s] between looks for those who listened before a crash
@@ -29,37 +22,22 @@ LOST_TIME: Final = 60.0  # [s], simulated: the clock had gone on, and never goes
 
 @dataclass(frozen=True, eq=False)
 class LeftEpisode:
-    """A settled scene, and all that it takes to be there again.
+    """A settled scene, and all that it takes to be there again."""
 
-    Attributes:
-        reset: what leads to the scene: seed, world, bodies with masses and radii, friction.
-        episode_id: as in `Session`.
-        scene_id: as in `Session`.
-        time: simulated [s].
-        push: the one that was under way; None: there was none.
-        unsent: the result that led to the scene, until it is published; None: it was.
-        subscribers: of the results of pushes.
-    """
-
-    reset: ResetScene.Request
-    episode_id: int
-    scene_id: int
-    time: float
-    push: Push | None = None
-    unsent: PushResult | None = None
-    subscribers: int = 0
+    reset: ResetScene.Request  # leads to the scene: seed, world, bodies, friction
+    episode_id: int  # as in `Session`
+    scene_id: int  # likewise
+    time: float  # simulated [s]
+    push: Push | None = None  # the one that was under way, if any
+    unsent: PushResult | None = None  # the result that led to the scene, until it is published
+    subscribers: int = 0  # of the results of pushes
 
     def write(self, file: StateFile) -> None:
         """Replace what a file holds."""
-        file.write(
-            reset=text_of(self.reset),
-            episode_id=self.episode_id,
-            scene_id=self.scene_id,
-            time=self.time,
-            push="" if self.push is None else text_of(self.push),
-            unsent="" if self.unsent is None else text_of(self.unsent),
-            subscribers=self.subscribers,
-        )
+        kept = vars(self) | {"reset": text_of(self.reset)}
+        for name in ("push", "unsent"):
+            kept[name] = "" if kept[name] is None else text_of(kept[name])
+        file.write(**kept)
 
     @classmethod
     def read(cls, file: StateFile) -> "LeftEpisode | None":
@@ -88,34 +66,29 @@ class Episodes:
         waits: whether not all listen again who did before a crash.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        simulator: Simulator,
-        worker: Worker,
-        publishing: Publishing,
-        driver: PushDriver,
-    ) -> None:
+    def __init__(self, publishing: Publishing, worker: Worker) -> None:
         """Start the first episode, or go on from the state file.
 
         Raises:
             DatasetError: the file is damaged.
         """
-        self._node, self._simulator, self._worker = node, simulator, worker
-        self._publishing, self._driver, self._session = publishing, driver, driver.session
+        self._publishing, self._worker = publishing, worker
+        self._node, self._simulator = publishing.node, publishing.simulator
+        self._driver = driver = publishing.driver
+        self._session = driver.session
         self._publish, driver.answer = driver.answer, self._answer
         self._push: Push | None = None  # under way
-        self._file = StateFile(node, simulator.config.state_file)
+        self._file = StateFile(self._node, self._simulator.config.state_file)
         self._kept: LeftEpisode | None = None
         left = LeftEpisode.read(self._file)
         self.waits, self._count = left is not None, 0 if left is None else left.subscribers
-        self._subscribers = Subscribers(node, HEARD, self._count)
+        self._subscribers = Subscribers(self._node, HEARD, self._count)
         if left is None:
-            self._reset(ResetScene.Request(seed=simulator.config.seed))
+            self._reset(ResetScene.Request(seed=self._simulator.config.seed))
         else:
             self._go_on_from(left)
         service = driver.reception.serve(ResetScene, "reset_scene", self._on_reset)
-        introspect(node, service, simulator.config.service_introspection)
+        introspect(self._node, service, self._simulator.config.service_introspection)
 
     @property
     def rests(self) -> bool:
@@ -145,11 +118,8 @@ class Episodes:
 
     def _place(self, request: ResetScene.Request) -> Sample:
         """Bring the world to where a request has it."""
-        scene = _bodies(request.disks)
-        shapes, roles = tuple(request.shapes), tuple(request.roles)
-        given = request.seed, request.world, scene, shapes, request.friction, roles
         self._simulator.pacer.idle()
-        sample = self._worker.call(lambda: self._simulator.reset(*given))
+        sample = self._worker.call(lambda: self._simulator.reset(request))
         self._begun = request
         return sample
 
@@ -228,8 +198,3 @@ class Episodes:
         if left.push is not None:
             text = f"push {left.push.push_id} ended when the simulator crashed; it moved nothing"
             self._driver.answer_refused(left.push, CancelledError(text))
-
-
-def _bodies(disks: Sequence[Any]) -> Scene | None:
-    name = "scene of the reset"
-    return wire.check_bodies(wire.decode_disks(disks, name), name) if disks else None

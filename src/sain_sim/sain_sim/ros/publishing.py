@@ -4,8 +4,9 @@ from concurrent.futures import Future
 from math import cos, sin
 from typing import Final
 
+import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -13,12 +14,13 @@ from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 
 from sain_arm.robot.arm_model import ArmModel
+from sain_arm.robot.robot import Robot
 from sain_arm.robot.urdf import visible
 from sain_core.camera.image_camera import Shot
 from sain_core.errors import SainError
 from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
-from sain_core.ros.camera_topics import CameraTopics
+from sain_core.ros.camera_topics import CameraTopics, make_transform
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
 from sain_core.ros.node_main import ERROR, NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.push_driver import PushDriver
@@ -32,7 +34,7 @@ from sain_interfaces.msg import Bodies, WorldParameters
 from sain_interfaces.msg import Scene as SceneMessage
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.simulator import Simulator
-from sain_sim.world.workcell import Sample, WorldConfig
+from sain_sim.world.workcell import Sample
 
 BODY_FRAME: Final = "body_{}"
 
@@ -40,21 +42,16 @@ BODY_FRAME: Final = "body_{}"
 class Transforms:
     """Publishes where links and bodies are, each frame once a moment: tf2 drops repeated data."""
 
-    def __init__(self, node: Node, config: WorldConfig, frame_prefix: str) -> None:
-        """Describe the arm, to whoever joins."""
-        self._prefix = frame_prefix
-        self._arm = ArmModel(config.arm)
-        self._description = visible(config.arm.description)
-        self._said = node.create_publisher(String, "robot_description", LATCHED)
-        self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+    def __init__(self, node: Node, arm: Robot, prefix: str, camera: TransformStamped) -> None:
+        """Describe the arm, and where a camera is, which never moves, to whoever joins."""
+        self._prefix, self._arm = prefix, ArmModel(arm)
+        description = String(data=visible(arm.description))
+        node.create_publisher(String, "robot_description", LATCHED).publish(description)
+        static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
+        static.publish(TFMessage(transforms=[camera]))
         self._moving = node.create_publisher(TFMessage, "/tf", TRANSFORMS)
         self._last: tuple[bytes, bytes, int] | None = None  # poses, and how many listen
         self._stamp_ns = -1
-
-    def describe(self, stamp: Time, camera: TransformStamped) -> None:
-        """Publish the arm's description, and the frame of a camera, which never moves."""
-        self._said.publish(String(data=self._description))
-        self._static.publish(TFMessage(transforms=[camera]))
 
     def publish(self, sample: Sample, now_ns: int) -> None:
         """Publish where links and bodies are at a time [ns]; nothing where that is known."""
@@ -65,26 +62,16 @@ class Transforms:
             return
         # Time may stand still between two scenes, and tf2 takes one pose of a frame at a time.
         self._last, self._stamp_ns = state, max(now_ns, self._stamp_ns + 1)
-        stamp = codec.encode_time(self._stamp_ns)
-        moving = []
-        for name, (place, turn) in self._arm.frames(sample.joint_positions).items():
-            (x, y, z), (w, a, b, c) = place.tolist(), turn.tolist()
-            spot = Vector3(x=x, y=y, z=z)
-            moving.append(self._transform(name, spot, Quaternion(x=a, y=b, z=c, w=w), stamp))
+        frames = self._arm.frames(sample.joint_positions)
         for body, (x, y, theta) in enumerate(poses.tolist()):
-            spot = Vector3(x=x, y=y, z=DISK_HEIGHT / 2)
-            turned = Quaternion(z=sin(theta / 2), w=cos(theta / 2))
-            moving.append(self._transform(BODY_FRAME.format(body), spot, turned, stamp))
+            turn = np.array([cos(theta / 2), 0.0, 0.0, sin(theta / 2)])
+            frames[BODY_FRAME.format(body)] = np.array([x, y, DISK_HEIGHT / 2]), turn
+        header = codec.header(codec.encode_time(self._stamp_ns))
+        moving = [
+            make_transform(header, self._prefix + name, place, np.roll(turn, -1))
+            for name, (place, turn) in frames.items()
+        ]
         self._moving.publish(TFMessage(transforms=moving))
-
-    def _transform(
-        self, frame: str, place: Vector3, turn: Quaternion, stamp: Time
-    ) -> TransformStamped:
-        """Return a frame's pose in the world."""
-        made = TransformStamped(header=codec.header(stamp), child_frame_id=self._prefix + frame)
-        made.header.frame_id = codec.WORLD_FRAME
-        made.transform.translation, made.transform.rotation = place, turn
-        return made
 
 
 def frame_prefix(node: Node, given: str) -> str:
@@ -106,24 +93,19 @@ class Publishing:
 
     def __init__(self, node: Node, simulator: Simulator, driver: PushDriver) -> None:
         """Create the publishers."""
-        self._node, self._simulator = node, simulator
-        self._driver, self._session = driver, driver.session
-        self._clock = node.create_publisher(Clock, "/clock", RELIABLE)
+        self.node, self.simulator, self.driver = node, simulator, driver
+        self._session, config, make = driver.session, simulator.config, node.create_publisher
+        self._clock = make(Clock, "/clock", RELIABLE)
         # Before the scene's: a planner that sees scenes can see that there are shapes to wait for.
-        self._shapes = (
-            node.create_publisher(Bodies, "shapes", LATCHED) if simulator.config.scenes else None
-        )
-        self._scene = None
-        if simulator.config.scenes:
-            self._scene = node.create_publisher(SceneMessage, "scene", RELIABLE)
-        self._joints = node.create_publisher(JointState, "joint_states", RELIABLE)
+        self._shapes = make(Bodies, "shapes", LATCHED) if config.scenes else None
+        self._scene = make(SceneMessage, "scene", RELIABLE) if config.scenes else None
+        self._joints = make(JointState, "joint_states", RELIABLE)
         self._markers = MarkerBoard(node, "markers")
-        self._world = node.create_publisher(WorldParameters, "world_parameters", LATCHED)
-        config = simulator.config
+        self._world = make(WorldParameters, "world_parameters", LATCHED)
         prefix = frame_prefix(node, config.frame_prefix)
-        self._transforms = Transforms(node, config.cell, prefix)
         self.images = CameraTopics(node, config.images, prefix)
-        self._transforms.describe(self.now(), self.images.transform(self.now()))
+        camera = self.images.transform(self.now())
+        self._transforms = Transforms(node, config.cell.arm, prefix, camera)
         self._next_shot = 0.0  # [s], simulated
         self._diagnostics = Diagnostics(
             node, "simulation", now=self.now, more=lambda: driver.reception.figures
@@ -131,18 +113,18 @@ class Publishing:
 
     def now(self) -> Time:
         """Return the simulated time."""
-        return codec.encode_time(self._simulator.pacer.now_ns)
+        return codec.encode_time(self.simulator.pacer.now_ns)
 
     def take(self, sample: Sample) -> None:
         """Take the world as it is for the settled one, which the next push must name."""
         self.sample = sample
         self.settled = self.scene_message()
-        self._driver.set_scene(self.settled, self._simulator.parameters.bodies)
+        self.driver.set_scene(self.settled, self.simulator.parameters.bodies)
 
     def settle(self) -> None:
         """Publish a settled world that is new."""
-        if self._simulator.camera_timer is not None:
-            self._simulator.camera_timer.renew()
+        if self.simulator.camera_timer is not None:
+            self.simulator.camera_timer.renew()
         self.state()
 
     def state(self) -> None:
@@ -152,18 +134,18 @@ class Publishing:
     def moving(self, sample: Sample) -> None:
         """Publish a world that moves, and what its camera sees."""
         self._state(sample, self._encode(sample.scene, self.now(), settled=False))
-        if (timer := self._simulator.camera_timer) is not None:
+        if (timer := self.simulator.camera_timer) is not None:
             timer.observe_moving(sample)
             self._frames(settled=False)
-        now = self._simulator.pacer.now
+        now = self.simulator.pacer.now
         if self.images.wanted and now >= self._next_shot:
-            self._shot(self._simulator.shoot(sample), self.now())
+            self._shot(self.simulator.shoot(sample), self.now())
 
     def look(self, worker: Worker) -> None:
         """Take images of bodies at rest, if somebody wants any; time goes on."""
         if worker.pending or not self.images.wanted:
             return
-        simulator, sample = self._simulator, self.sample
+        simulator, sample = self.simulator, self.sample
         if simulator.config.real_time_factor > 0.0:
             simulator.pacer.idle()
         else:
@@ -174,7 +156,7 @@ class Publishing:
         def publish(done: "Future[Shot]") -> None:
             if isinstance(error := done.exception(), SainError):
                 text = f"no images: {shortened(str(error))}"
-                self._node.get_logger().error(text, throttle_duration_sec=10.0)
+                self.node.get_logger().error(text, throttle_duration_sec=10.0)
             else:
                 self._shot(done.result(), stamp)
 
@@ -182,7 +164,7 @@ class Publishing:
 
     def _shot(self, shot: Shot, stamp: Time) -> None:
         """Publish images that were taken at a time."""
-        self._next_shot = self._simulator.pacer.now + 1.0 / self._simulator.config.images.rate
+        self._next_shot = self.simulator.pacer.now + 1.0 / self.simulator.config.images.rate
         self.images.publish(shot, stamp)
 
     def tick(self) -> None:
@@ -191,7 +173,7 @@ class Publishing:
 
     def frame(self) -> None:
         """Publish what the camera sees of the settled world, if it is time for a frame."""
-        timer = self._simulator.camera_timer
+        timer = None if self._session.busy else self.simulator.camera_timer
         if timer is not None and timer.observe(self.sample):
             self._frames(settled=True)
 
@@ -208,25 +190,23 @@ class Publishing:
         """Publish time, joints, frames and markers, and the scene unless a camera sees it."""
         self.tick()
         stamp = scene.header.stamp
-        joints = JointState(
-            header=codec.header(stamp), name=list(self._simulator.config.cell.arm.joints)
-        )
+        cell = self.simulator.config.cell
+        joints = JointState(header=codec.header(stamp), name=list(cell.arm.joints))
         joints.position = codec.encode_floats(sample.joint_positions)
         joints.velocity = codec.encode_floats(sample.joint_velocities)
         self._joints.publish(joints)
-        self._transforms.publish(sample, self._simulator.pacer.now_ns)
-        table = self._simulator.config.cell.feasibility.table
-        bodies = self._simulator.parameters.bodies
-        things: list[Thing] = [table_top(table), *bodies_in(sample.scene, bodies)]
+        self._transforms.publish(sample, self.simulator.pacer.now_ns)
+        bodies = bodies_in(sample.scene, self.simulator.parameters.bodies)
+        things: list[Thing] = [table_top(cell.feasibility.table), *bodies]
         tool = tool_marker(sample.tool.tolist(), stamp)
         self._markers.show([*markers_of(things, stamp), tool])
-        if self._simulator.camera is None and self._scene is not None:
+        if self.simulator.camera is None and self._scene is not None:
             self._scene.publish(scene)
 
     def _frames(self, settled: bool) -> None:
         """Publish what has arrived from the camera by now, and the time."""
         self.tick()
-        camera, now = self._simulator.camera, self._simulator.pacer.now
+        camera, now = self.simulator.camera, self.simulator.pacer.now
         for frame in () if camera is None else camera.arrived(now):
             stamp = codec.encode_time(round(1e9 * frame.time))
             if self._scene is not None:
@@ -234,7 +214,7 @@ class Publishing:
 
     def episode(self, begun: ResetScene.Request) -> None:
         """Publish shape and role of each body of an episode, and the parameters of its world."""
-        simulator, episode_id = self._simulator, self._session.episode_id
+        simulator, episode_id = self.simulator, self._session.episode_id
         parameters, radii = simulator.parameters, simulator.radii
         ids = {"stamp": self.now(), "episode_id": episode_id}
         if self._shapes is not None:
@@ -256,15 +236,11 @@ class Publishing:
 
     def report(self) -> None:
         """Report the state of the simulator, a conflict first."""
-        session, config = self._session, self._simulator.config
-        figures = {
-            "engine": config.engine,
-            "bottom": self._simulator.parameters.bottom,
-            "episode": session.episode_id,
-            "scene": session.scene_id,
-            **self._driver.counts,
-        }
-        if conflict := self._driver.conflict:
+        session, simulator = self._session, self.simulator
+        figures: dict[str, object] = {"engine": simulator.config.engine, **self.driver.counts}
+        figures |= {"bottom": simulator.parameters.bottom}
+        figures |= {"episode": session.episode_id, "scene": session.scene_id}
+        if conflict := self.driver.conflict:
             self._diagnostics.set(ERROR, conflict, **figures)
         elif not session.busy and not self.settled.settled:
             message = "the disks do not come to rest; reset the scene"

@@ -21,7 +21,7 @@ from sain_interfaces.msg import Scene as SceneMessage
 from sain_sim.ros.episodes import Episodes
 from sain_sim.ros.pacing import Pacer
 from sain_sim.ros.publishing import Publishing
-from sain_sim.ros.simulator import Simulator, SimulatorConfig
+from sain_sim.ros.simulator import Measured, Simulator, SimulatorConfig
 from sain_sim.world.workcell import Sample
 
 REPORT: Final = 0.5  # [s] between two looks at the state
@@ -42,7 +42,7 @@ class SimNode(PushingNode):
         driver.feasibility = feasibility = self.simulator.config.cell.feasibility
         self.execution = PushExecution(config.cell.motion, feasibility.limits.clearance)
         self.publishing = publishing = Publishing(self, self.simulator, driver)
-        self.episodes = Episodes(self, self.simulator, self.worker, publishing, driver)
+        self.episodes = Episodes(publishing, self.worker)
         self._joints = publishing.sample.joint_positions
         self.take_reach(feasibility.reach)
         if not config.scenes:
@@ -51,8 +51,9 @@ class SimNode(PushingNode):
         steady_timer(self, 1 / config.idle_rate, self._on_idle)
         steady_timer(self, REPORT, publishing.report)
         if (timer := self.simulator.camera_timer) is not None:
-            steady_timer(self, timer.timer_period, self._on_frame)
-        self.ready = f"a {config.world} world{self.simulator.within} with {self.simulator.what}"
+            steady_timer(self, timer.timer_period, publishing.frame)
+        world = f"a {config.world} world{self.simulator.within}"
+        self.ready = f"{world} with {len(publishing.sample.scene)} disks"
 
     def begin(self, push: Push, stroke: Stroke) -> None:
         """Take a push; it is kept, so that it is answered also after a crash."""
@@ -70,7 +71,7 @@ class SimNode(PushingNode):
     def plan(self, wanted: Wanted) -> PushPlan:
         """Plan a push."""
         assert isinstance(wanted, events.PlanPush)  # the arm leaves each stroke by itself
-        return self.simulator.plan(wanted.stroke)
+        return self.simulator.world.plan(wanted.stroke)
 
     def send(self, goal: events.Send) -> None:
         """Have the arm follow a goal; the world shows the approach with the stroke."""
@@ -83,7 +84,7 @@ class SimNode(PushingNode):
         """Break off the push that is under way; the world is left as it is then."""
         self._stopped = why
 
-    def _carry_out(self) -> tuple[Sample, PushResult]:
+    def _carry_out(self) -> Measured:
         """Make the push that is under way, on the worker's thread."""
         push, disks = wire.decode_push(self._push), self._push.disks
         seen = wire.decode_disks(disks) if disks else None
@@ -95,7 +96,7 @@ class SimNode(PushingNode):
             raise CancelledError(self._stopped)
         self.publishing.moving(sample)
 
-    def _on_pushed(self, goal: events.Send, done: "Future[tuple[Sample, PushResult]]") -> None:
+    def _on_pushed(self, goal: events.Send, done: "Future[Measured]") -> None:
         error = done.exception()
         if error is None:
             self._pushed = done.result()
@@ -117,11 +118,6 @@ class SimNode(PushingNode):
         self.publishing.sample, measured = self._pushed
         super().answer_executed(doubt)
         self.driver.conclude(self.publishing.scene_message(), measured)
-
-    def _on_frame(self) -> None:
-        """Take and publish a frame of bodies at rest."""
-        if not self.driver.session.busy:
-            self.publishing.frame()
 
     def _on_scene(self, message: SceneMessage) -> None:
         """Take up the ids of the scenes that somebody else publishes: pushes have these."""

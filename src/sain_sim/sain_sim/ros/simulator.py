@@ -1,18 +1,17 @@
 """The truth world and the nominal shadow world: all that a simulator node calls."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from time import perf_counter
 
 import numpy as np
 
-from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.robot.robot import Robot
+from sain_core import wire
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
 from sain_core.config import MOST_SEED, option
 from sain_core.errors import ErrorCode, InvalidInputError, SainError, error_reply
-from sain_core.feasibility import Stroke
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.randomness import generator
 from sain_core.ros import codec
@@ -20,6 +19,7 @@ from sain_core.scene import RADIUS, Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Prediction, PushResult
+from sain_interfaces.srv import ResetScene
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.camera.renderer import Renderer, image_camera
 from sain_sim.camera.window import Window
@@ -30,9 +30,11 @@ from sain_sim.world.parameters import WorldParameters, nominal_parameters
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TRUTHS, TruthConfig
-from sain_sim.world.workcell import Sample, WorldConfig, steps_of
+from sain_sim.world.workcell import Observer, Sample, WorldConfig, steps_of
 
 SHADOW_MODEL = "bullet_nominal"
+Measured = tuple[Sample, PushResult]
+"""The world after a push, and its duration, wall time and prediction."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +50,7 @@ class SimulatorConfig(TruthConfig):
     )
     idle_rate: float = option(
         2.0,
-        "settled scenes per second, for subscribers that join late",
+        "settled scenes per second, for late subscribers",
         unit="Hz",
         minimum=0.1,
         maximum=100.0,
@@ -104,34 +106,25 @@ class Simulator:
         """What to add to the name of a world for its engine; nothing for Bullet."""
         return "" if self.config.engine == BULLET else f" in {self.config.engine}"
 
-    @property
-    def what(self) -> str:
-        """The world's bodies in words."""
-        return f"{self.parameters.count} disks"
-
-    def reset(
-        self,
-        seed: int,
-        world: str,
-        scene: Scene | None,
-        shapes: tuple[str, ...],
-        friction: float,
-        roles: tuple[str, ...] = (),
-    ) -> Sample:
+    def reset(self, wanted: ResetScene.Request) -> Sample:
         """Start an episode as `draw_episode` draws it."""
+        name, world = "scene of the reset", wanted.world
         if world not in ("", *TRUTHS):
             raise InvalidInputError(
                 f"world is {world!r}{did_you_mean(world, TRUTHS)}; allowed: {', '.join(TRUTHS)}"
             )
+        disks, shapes, roles = wanted.disks, tuple(wanted.shapes), tuple(wanted.roles)
+        scene = wire.check_bodies(wire.decode_disks(disks, name), name) if disks else None
         truth = replace(self.config, world=world or self.config.world)
-        parameters, start = draw_episode(seed, truth, scene, shapes, friction, roles)
+        drawn = draw_episode(wanted.seed, truth, scene, shapes, wanted.friction, roles)
+        parameters, start = drawn
         self.world.reset(start, parameters)
         self._images = None
         if self.config.gui:
             self._open_window()
         if self.camera is not None:
-            self.camera.begin(seed, parameters)
-        self._seed, self._shots = seed, 0
+            self.camera.begin(wanted.seed, parameters)
+        self._seed, self._shots = wanted.seed, 0
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
         return self.observe()
@@ -144,21 +137,8 @@ class Simulator:
         scene = self.parameters.scene(np.zeros((self.parameters.count, 2)))
         return tuple(self.camera.measured(scene)[:, RADIUS].tolist())
 
-    def plan(self, stroke: Stroke) -> PushPlan:
-        """Return the arm's motion for a stroke, which `push` makes; see `World.plan`."""
-        return self.world.plan(stroke)
-
-    def push(
-        self,
-        push: PushArray,
-        on_sample: Callable[[Sample], None],
-        seen: Scene | None = None,
-    ) -> tuple[Sample, PushResult]:
-        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors.
-
-        Returns:
-            The world after it, and a result with its duration, wall time and prediction.
-        """
+    def push(self, push: PushArray, on_sample: Observer, seen: Scene | None = None) -> Measured:
+        """Execute a push with samples at the state rate; see `World.push` for `seen` and errors."""
         predict = cache(partial(self._predict, self.world.observe(), push))
 
         def show(sample: Sample) -> None:
