@@ -28,7 +28,8 @@ from sain_core.scene import MASS, unit
 from sain_core.shapes.body_file import BodyFile, parse_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import Outcome
-from sain_eval.loop.closed_loop import agent_maker, play_goals
+from sain_eval.loop.closed_loop import agent_maker
+from sain_eval.loop.play import play
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
 from sain_sim.bench.bench import parameters_of
@@ -145,7 +146,7 @@ def play_episode(
     start, pose = draw_task(cell.arm, bodies, config, seed, options.tolerance, options.turn)
     world.reset(bodies.scene(start[None]))
     agent = agent_maker(options.model, config)(SCENARIOS["push_t"].scene(seed))
-    played = play_goals(agent, world, [Goal((pose,))], bodies.bodies, MOST_PUSHES)
+    played = play(agent, world, [Goal((pose,))], bodies.bodies, MOST_PUSHES)
     episode = {"seed": seed, "solved": not played.failure, "failure": played.failure}
     episode |= world.counts()
     world.cell.close()

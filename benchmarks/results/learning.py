@@ -26,6 +26,7 @@ from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushSequences, Scene
+from sain_eval.loop.play import play
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.exploration.session import Watched
@@ -33,8 +34,6 @@ from sain_lab.learner import Learner, Update, prediction_error
 from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent
-from sain_mppi.agent.events import Task
-from sain_mppi.agent.play import play
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.own import open_world
 from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig
@@ -112,7 +111,7 @@ class Work:
                 watched = Watched(world, self.learn, parameters.bodies, f"{self.name}/{case.seed}")
                 most = min(case.max_pushes, pushes - len(self.rows))
                 try:
-                    play(agent, watched, [Task(1, 0, goal, most)], parameters.bodies)
+                    play(agent, watched, [goal], parameters.bodies, most)
                 except SainError as error:
                     print(f"{self.name} scene {seed}: {error}", flush=True)
             seed += 1

@@ -36,10 +36,10 @@ from sain_core.randomness import generator
 from sain_core.scene import POSE, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.shapes.body_file import BodyFile, parse_bodies, read_bodies
 from sain_core.types import PushArray, Scene
-from sain_eval.loop.closed_loop import agent_maker, play_goals
+from sain_eval.loop.closed_loop import agent_maker
+from sain_eval.loop.play import Sight, play
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_mppi.agent.agent import AgentConfig
-from sain_mppi.agent.play import Sight
 from sain_mppi.agent.uncertainty import EstimatorConfig
 from sain_sim.camera.renderer import image_camera
 from sain_sim.world.engines import MUJOCO
@@ -219,7 +219,7 @@ def play_episode(
     world.reset(bodies.scene(poses))
     sight = ImageSight(world, bodies, options.see, seed)
     agent = agent_maker(options.model, config)(SCENARIOS[options.task].scene(seed))
-    played = play_goals(agent, sight, [Goal((goal,))], bodies.bodies, MOST_PUSHES)
+    played = play(agent, sight, [Goal((goal,))], bodies.bodies, MOST_PUSHES)
     pose = world.observe()[goal.body, POSE]
     off = float(np.hypot(pose[0] - goal.x, pose[1] - goal.y))
     turn = 0.0 if goal.heading is None else float(wrap_angle(np.asarray(pose[2] - goal.heading)))

@@ -6,7 +6,8 @@ import pytest
 
 from sain_core.errors import ConfigError, NoPushError
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import EpisodeOutcome, agent_maker, run_episode
+from sain_eval.loop.closed_loop import agent_maker, run_episode
+from sain_eval.loop.play import EpisodeOutcome
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym import AgentPolicy
 from sain_gym.push_env import PushEnv

@@ -1,20 +1,16 @@
 """The agent as a policy: what evaluations and the graph run, behind the environment's interface."""
 
-from typing import Any, Final
+from typing import Any
 
 import gymnasium
 import numpy as np
 
-from sain_core.errors import ConfigError, ErrorCode, NoPushError
+from sain_core.errors import ConfigError, NoPushError
 from sain_core.types import PushArray
 from sain_eval.loop.closed_loop import agent_maker
+from sain_eval.loop.play import Play, Sight
 from sain_gym.episode import PushEpisode
 from sain_gym.push_env import PushEnv
-from sain_mppi.agent import events
-from sain_mppi.agent.agent import act
-
-Decision = events.PushDecision | events.Stop | None
-EPISODE: Final = 1  # its id; the agent is new in each
 
 
 class AgentPolicy:
@@ -36,7 +32,7 @@ class AgentPolicy:
         self._env = inner
         self._make = agent_maker(controller)
         self._episode: PushEpisode | None = None
-        self._goals = self._push_id = self._decided = 0  # goals reached, and steps then
+        self._decided = 0  # steps when it decided last
         self._action = np.zeros(0)
 
     def __call__(self, observation: Any = None, info: Any = None) -> PushArray:
@@ -48,41 +44,22 @@ class AgentPolicy:
         begun.
         """
         episode = self._env.episode
-        if episode is not self._episode:
-            decision = self._begin(episode)
-        elif episode.steps == self._decided:
-            return self._action.copy()
-        else:
-            decision = act(self._agent, self._ended(episode))
-        decision = decision or self._look(episode)
-        if episode.goals_reached > self._goals and not episode.is_success:  # it found this, too
-            decision = self._pursue(episode) or self._look(episode)
-        if not isinstance(decision, events.PushDecision):
-            reason = decision.failure or "the goal is reached" if decision else "the scene moves"
-            raise NoPushError(f"the agent has no push for this scene: {reason}")
-        self._push_id, self._decided = decision.push_id, episode.steps
-        self._action = decision.push
+        try:
+            if episode is not self._episode:
+                self._begin(episode)
+                self._action = next(self._pushes).push
+            elif episode.steps != self._decided:
+                assert episode.answer is not None, "a step has an answer"
+                self._action = self._pushes.send(episode.answer).push
+        except StopIteration:
+            reason = self._play.failure or "the goal is reached"
+            raise NoPushError(f"the agent has no push for this scene: {reason}") from None
+        self._decided = episode.steps
         return self._action.copy()
 
-    def _begin(self, episode: PushEpisode) -> Decision:
-        """Let a new agent follow the first goal of an episode."""
-        self._episode, self._agent = episode, self._make(episode.case)
-        begun = events.EpisodeBegun(EPISODE, episode.case.parameters().bodies)
-        return act(self._agent, begun) or self._pursue(episode)
-
-    def _pursue(self, episode: PushEpisode) -> Decision:
-        """Let the agent follow the present goal."""
-        record, pushes = episode.record, episode.case.max_pushes
-        self._goals = episode.goals_reached
-        task = events.Task(self._goals + 1, EPISODE, record.goal, pushes)
-        return act(self._agent, events.GoalGiven(task))
-
-    def _ended(self, episode: PushEpisode) -> events.PushEnded:
-        """Return what came of the last push."""
-        record = episode.answer
-        assert record is not None, "a step has an answer"
-        executed = record if record.code == ErrorCode.OK else None
-        return events.PushEnded(self._push_id, record.code, record=executed, episode_id=EPISODE)
-
-    def _look(self, episode: PushEpisode) -> Decision:
-        return act(self._agent, events.SceneObserved(episode.scene, EPISODE, episode.pushes + 1))
+    def _begin(self, episode: PushEpisode) -> None:
+        """Let a new agent follow the goals of an episode."""
+        self._episode, case = episode, episode.case
+        self._play = Play(self._make(case), Sight(self._env.world))
+        bodies = case.parameters().bodies
+        self._pushes = self._play.pushes(episode.goals, bodies, case.max_pushes)

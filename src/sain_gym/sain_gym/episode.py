@@ -2,18 +2,15 @@
 
 from typing import Any, Final, NamedTuple
 
-import numpy as np
-
 from sain_core.errors import ErrorCode, SainError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import TURN_PER_METRE
-from sain_core.scene import POSITION, is_settled
 from sain_core.types import PushArray, Scene
-from sain_core.world import DivergedError, PushRecord
+from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
+from sain_eval.loop.play import is_final, why_lost
 from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import AgentConfig
-from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 
 TABLE: Final = Feasibility().table
 MOST_REFUSALS: Final = AgentConfig().max_refusals  # from one scene, as in an evaluation
@@ -32,6 +29,7 @@ class PushEpisode:
 
     Attributes:
         case: the scene to solve.
+        goals: within the tolerance, in order.
         scene: (N, 8), as it is now.
         record: of the present goal: what `left` and success are taken from.
         pushes: executed so far.
@@ -47,7 +45,8 @@ class PushEpisode:
     ) -> None:
         """Begin in a scene (N, 8)."""
         self.case, self.scene = case, scene
-        self._within, self._refusal_cost = within, refusal_cost
+        self.goals = [within.apply(goal) for goal in case.goals]
+        self._refusal_cost = refusal_cost
         self.pushes = self.refusals = self.goals_reached = 0
         self.answer: PushRecord | None = None
         self.failure = ""
@@ -56,10 +55,9 @@ class PushEpisode:
 
     def _aim(self) -> None:
         """Take the next goal."""
-        case = self.case
-        goal = self._within.apply(case.goals[self.goals_reached])
-        self.record = EpisodeRecord(goal, (), self.scene, case.bodies)
-        self._left = case.max_pushes
+        goal, bodies = self.goals[self.goals_reached], self.case.bodies
+        self.record = EpisodeRecord(goal, (), self.scene, bodies)
+        self._left = self.case.max_pushes
         self._refused = 0  # in a row
 
     @property
@@ -70,7 +68,7 @@ class PushEpisode:
     @property
     def is_success(self) -> bool:
         """Whether all goals were reached."""
-        return self.goals_reached == len(self.case.goals)
+        return self.goals_reached == len(self.goals)
 
     @property
     def miss(self) -> float:
@@ -85,7 +83,7 @@ class PushEpisode:
         self.pushes += 1
         self._left -= 1
         self._refused = 0
-        if lost := self._lost():
+        if lost := why_lost(after, self.pushes, TABLE):
             return self._fail(lost)
         reward = -self.miss
         while not self.is_success and self.record.judge(after).reached:
@@ -98,24 +96,13 @@ class PushEpisode:
         self.over = self.is_success or exhausted
         return StepVerdict(reward, self.is_success, exhausted)
 
-    def _lost(self) -> str:
-        """Return why no push can follow in this scene; empty: one can."""
-        off = ~TABLE.contains(self.scene[:, POSITION])
-        if off.any():
-            body = int(np.argmax(off))
-            x, y = self.scene[body, POSITION]
-            return f"push {self.pushes} moved body {body} off the table, to ({x:.3f}, {y:.3f}) m"
-        if not is_settled(self.scene):
-            return f"the scene did not settle after push {self.pushes}"
-        return ""
-
     def refuse(self, push: PushArray, error: SainError) -> StepVerdict:
         """Take note of a push (5,) that was refused: nothing has moved."""
         scene, code = self.scene, ErrorCode(error.code)
         self.answer = PushRecord(push, scene, scene, code=code, message=str(error))
         self.refusals += 1
         self._refused += 1
-        if isinstance(error, DivergedError) or error.code in LOOK_AGAIN:
+        if is_final(error):
             return self._fail(f"{type(error).__name__}: {error}")
         if self._refused >= MOST_REFUSALS:
             return self._fail(f"{self._refused} pushes in a row were refused from this scene")

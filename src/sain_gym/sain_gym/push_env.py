@@ -145,6 +145,13 @@ class PushEnv(gymnasium.Env[Any, Any]):
         return self._episode
 
     @property
+    def world(self) -> CheckedWorld:
+        """The world of the episode; see `episode`."""
+        if self._world is None:
+            raise EpisodeEndedError("no episode has begun; call reset first")
+        return self._world
+
+    @property
     def case(self) -> ScenarioScene:
         """The scene to solve, with the hidden truth about its world; see `episode`."""
         return self.episode.case
@@ -197,8 +204,8 @@ class PushEnv(gymnasium.Env[Any, Any]):
         or none has begun; `EnvironmentClosedError`: after `close`.
         """
         self._check_open()
-        episode, world = self.episode, self._world
-        if episode.over or world is None:
+        episode, world = self.episode, self.world
+        if episode.over:
             raise EpisodeEndedError(
                 f"the episode has ended after {episode.steps} steps; call reset first"
             )

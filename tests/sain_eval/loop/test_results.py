@@ -11,7 +11,7 @@ from rich.console import Console
 from sain_core.errors import OutputError
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
-from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.play import EpisodeOutcome
 from sain_eval.loop.results import (
     Journal,
     SceneRecord,

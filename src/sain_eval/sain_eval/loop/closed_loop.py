@@ -1,28 +1,25 @@
 """Closed loops without ROS: the controllers, and an episode in a simulated world."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
-from sain_core.goal import Goal
 from sain_core.model import as_observed, load_dynamics
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
-from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
-from sain_core.world import AnyWorld
-from sain_eval.episode import EpisodeRecord, Tolerance
+from sain_eval.episode import Tolerance
+from sain_eval.loop.play import EpisodeOutcome, Sight, play
 from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
-from sain_mppi.agent.events import PlanJob, PushDecision, Task
+from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
-from sain_mppi.agent.play import Sight, play
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import Sample, steps_of
@@ -80,42 +77,6 @@ class CameraSight(Sight):
             self._camera.observe(sample.scene, sample.time + self._looked, moving=True)
 
 
-@dataclass(frozen=True)
-class EpisodeOutcome:
-    """What became of an episode."""
-
-    records: tuple[EpisodeRecord, ...]  # one for each goal that was given, in order
-    final: Scene  # (N, 8), the last scene
-    refusals: int = 0  # pushes that were not executed
-    fallbacks: int = 0  # pushes that physics planned because the model failed
-    failure: str = ""  # why it ended short of the tightest tolerance; empty: it did not
-
-    @property
-    def record(self) -> EpisodeRecord:
-        """The record of the last goal."""
-        return self.records[-1]
-
-
-def play_goals(
-    agent: Agent,
-    world: AnyWorld[Any] | Sight,
-    goals: Sequence[Goal],
-    bodies: Bodies,
-    max_pushes: int,
-) -> EpisodeOutcome:
-    """Play a new agent in a world that was reset, and keep a record for each goal.
-
-    Goals are given one after another, each once the one before is reached, with so many pushes
-    each (0: any number). Bodies are recorded as given.
-    """
-    tasks = [Task(number, 0, goal, max_pushes) for number, goal in enumerate(goals, start=1)]
-    played = play(agent, world, tasks, bodies)
-    records = tuple(
-        EpisodeRecord(one.task.goal, one.pushes, one.start, bodies) for one in played.pursuits
-    )
-    return EpisodeOutcome(records, played.final, played.refusals, played.fallbacks, played.failure)
-
-
 def run_episode(
     case: ScenarioScene,
     agent: Agent,
@@ -132,7 +93,7 @@ def run_episode(
     with open_world(parameters, engine=case.truth.engine) as world:
         world.reset(case.disks)
         sight = CameraSight(world, camera, case.seed)
-        return play_goals(agent, sight, goals, parameters.bodies, case.max_pushes)
+        return play(agent, sight, goals, parameters.bodies, case.max_pushes)
 
 
 ORACLE: Final = "oracle"

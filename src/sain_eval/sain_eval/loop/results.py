@@ -22,7 +22,7 @@ from sain_core.transitions import MOVED
 from sain_core.types import Scene
 from sain_core.world import PushRecord
 from sain_eval.episode import EpisodeRecord, Tolerance
-from sain_eval.loop.closed_loop import EpisodeOutcome
+from sain_eval.loop.play import EpisodeOutcome
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS
 

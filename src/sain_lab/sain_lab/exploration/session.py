@@ -27,6 +27,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_core.types import Mask, PushArray, Pushes, Scalars, Scene, Scenes
 from sain_core.world import AnyWorld, Outcome
+from sain_eval.loop.play import Sight, play
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_lab.learner import Learner, error_of
@@ -37,9 +38,8 @@ from sain_model.inference.evidence import SIZE, TAIL, ObservedPushes, errors_of
 from sain_model.inference.kinds import Kind
 from sain_model.inference.posterior import STEPS, fit
 from sain_mppi.agent.agent import MOST_PUSHES, Agent, AgentConfig, planning_agent
-from sain_mppi.agent.events import PlanJob, PushDecision, Task
+from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
-from sain_mppi.agent.play import Sight, play
 from sain_mppi.config import CostWeights
 from sain_mppi.objective.cost import Objective
 from sain_mppi.objective.proposals import candidates, uniform
@@ -259,8 +259,7 @@ def imagined_work(cases: list[ScenarioScene], model: Model, config: AgentConfig)
         world = ImaginedWorld(model)
         world.reset(case.disks)
         agent = planning_agent(model, model, config)
-        played = play(agent, world, [Task(1, 0, case.goal, case.max_pushes)], bodies)
-        for record in played.pursuits[0].pushes:
+        for record in play(agent, world, [case.goal], bodies, case.max_pushes).record.pushes:
             scenes.append(record.before)
             pushes.append(record.push)
     if not scenes:
@@ -320,8 +319,8 @@ class Session:
             chooser = InformativeDecider(self.model, self.work)
             episode = f"teaching {settings.seed}/{number}"
             sight = Watched(world, self.judge, case.bodies, episode)
-            task = Task(1, 0, case.goal.within(*NEVER), min(PER_SCENE, left))
-            why = play(Agent(chooser, agent), sight, [task], case.bodies).failure
+            goals, most = [case.goal.within(*NEVER)], min(PER_SCENE, left)
+            why = play(Agent(chooser, agent), sight, goals, case.bodies, most).failure
             if self.learner is not None:
                 self.learner.end_episode()
             without = 0 if len(self.errors) > before else without + 1
