@@ -130,7 +130,7 @@ def test_what_cannot_be_parsed_is_one_line(name, capsys):
         ("collect --episodes ten", "--episodes is 'ten'; it must be a whole number, at least 1"),
         ("collect --ou x", "there is no option --ou; did you mean --out?"),
         ("collect mine", "there is no place for mine; --help lists what there is"),
-        ("new_shape a --near 1 b", "--near is 'b'; it must be 2 values, each a number"),
+        ("new_shape a --near 1 b", "--near is '1', 'b'; it must be 2 values, each a number"),
         ("lab what", "action is 'what'; it must be one of list, show, add, replay, export, forget"),
         ("train a", "--out is missing; what to give: folder for checkpoint, card, loss curve and"),
         ("evaluate --delay -1", "--delay is -1.0 s; it must be at least 0 s"),

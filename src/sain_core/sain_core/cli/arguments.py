@@ -3,6 +3,7 @@
 tyro reads them. Its errors are boxes of many lines; here each is one line with what is allowed.
 """
 
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -34,7 +35,7 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
     describe_options(kind)
 
     def refuse(event: "ParseErrorEvent") -> None:  # tyro would print a box of many lines
-        if problem := _problem(event, kind, arguments, prefixes):
+        if problem := _problem(event, kind, prefixes):
             raise ConfigError(problem)
 
     try:
@@ -54,18 +55,20 @@ def read_options(kind: type, program: str, arguments: list[str], prefixes: bool 
 KINDS: Final[dict[Any, str]] = {int: "a whole number", float: "a number", Path: "a path"}
 
 
-def _problem(event: "ParseErrorEvent", kind: type, arguments: Sequence[str], prefixes: bool) -> str:
+def _problem(event: "ParseErrorEvent", kind: type, prefixes: bool) -> str:
     """Return what is wrong with the arguments, and what is allowed, on one line."""
     from tyro import _errors
 
     match event:
         case _errors.InstantiationFailure(argument=argument, message=message):
-            return _bad_value(argument, kind, arguments) if argument else message
+            if not argument:
+                return message
+            return f"{argument.display_name()} is {_quoted(message)}; {_allowed(argument, kind)}"
         case _errors.InvalidChoice(argument=argument, value=value, choices=choices):
             allowed = ", ".join(choices)
             return f"{argument.display_name()} is {value!r}; it must be one of {allowed}"
         case _errors.BadValue(argument=argument):
-            return f"{argument.display_name()} has no value; it must be {_allowed(argument, kind)}"
+            return f"{argument.display_name()} has no value; {_allowed(argument, kind)}"
         case _errors.UnrecognizedArgs(tokens=[*tokens]) if tokens:
             return _unknown(tokens, kind, prefixes)
         case _errors.MissingArgs(unrecognized_tokens=[*tokens]) if tokens:
@@ -78,28 +81,10 @@ def _problem(event: "ParseErrorEvent", kind: type, arguments: Sequence[str], pre
     return ""
 
 
-def _bad_value(argument: "ArgumentDefinition", kind: type, arguments: Sequence[str]) -> str:
-    """Return in words that what is given for an argument cannot be parsed."""
-    name, values = argument.display_name(), list[str]()
-    taken = argument.is_positional()
-    for text in arguments:
-        option, _, value = text.partition("=")
-        if option.startswith("--"):
-            taken = option.replace("_", "-") == name
-            values += [value] * (taken and text != option)
-        elif taken:
-            values.append(text)
-    scalars = _scalars(argument.field.type_stripped)
-    wrong = [value for value in values if not any(_parses(one, value) for one in scalars)]
-    text = wrong[0] if wrong else " ".join(values)
-    return f"{name} is {text!r}; it must be {_allowed(argument, kind)}"
-
-
-def _parses(kind: Any, text: str) -> bool:
-    try:
-        return bool(text) and kind(text) is not None
-    except ValueError:
-        return False
+def _quoted(message: str) -> str:
+    """Return what could not be parsed, as the message of tyro quotes it."""
+    found = re.search(r"\[(.*?)\]|('.*')$", message)
+    return next(filter(None, found.groups()), "") if found else repr(message)
 
 
 def _scalars(hint: Any) -> list[Any]:
@@ -114,7 +99,8 @@ def _allowed(argument: "ArgumentDefinition", kind: type) -> str:
     words = " or ".join(dict.fromkeys(KINDS.get(one, "a text") for one in scalars))
     if len(scalars) > 1 and len({*scalars}) == 1:
         words = f"{len(scalars)} values, each {words}"
-    return ", ".join(filter(None, (words, describe_values(_declared(argument, kind)))))
+    values = describe_values(_declared(argument, kind))
+    return f"it must be {', '.join(filter(None, (words, values)))}"
 
 
 def _declared(argument: "ArgumentDefinition", kind: type) -> Mapping[str, Any]:
@@ -164,7 +150,7 @@ def _paths() -> "ConstructorRegistry":
 
     def path(texts: list[str]) -> Path:
         if not texts[0]:
-            raise ValueError("it is empty")
+            raise ValueError("''")
         return user_path(texts[0])
 
     registry = ConstructorRegistry()
