@@ -44,8 +44,6 @@ def test_every_sampled_push_is_inside_the_limits(seed):
         ((0.0, 0.0, 0.151), "push length is 0.1510 m"),
         ((0.0, 0.0, 0.1, 0.009), r"push speed is 0.0090 m/s; allowed: \[0.01, 0.5\] m/s"),
         ((0.0, 0.0, 0.1, 0.51), "push speed is 0.5100 m/s"),
-        ((np.nan, 0.0, 0.1), "location of the push is nan; must be finite"),
-        ((0.0, 0.0, np.inf), "length of the push is inf; must be finite"),
         ((0.0, 0.0, 0.1, 0.2, 1), "the push is against body 1, which is movable"),
         ((0.0, 0.0, 0.1, 0.2, 0.5), "the push is against body 0.5, which does not exist"),
     ],

@@ -32,7 +32,7 @@ from numpy.typing import ArrayLike
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
-from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, check_finite, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import Shape, outline_of
 from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
@@ -95,11 +95,7 @@ class PushLimits(Config):
             raise InvalidInputError(
                 f"a push has shape ({PUSH_SIZE},): {', '.join(PUSH_NAMES)}; not {push.shape}"
             )
-        if not np.isfinite(push).all():
-            column = int(np.argmin(np.isfinite(push)))
-            raise InvalidInputError(
-                f"{PUSH_NAMES[column]} of the push is {push[column]}; must be finite"
-            )
+        check_finite(push, PUSH_NAMES, "{name} of the push")
         ranges = (
             (LOCATION, np.nextafter(-pi, 0.0), pi, "rad", "(-pi, pi] (wrap it)"),
             (ANGLE, -self.max_angle, self.max_angle, "rad", f"+-{self.max_angle:.4f} rad"),

@@ -7,10 +7,13 @@ is the mid disk, the only one that the tool may touch; disk 1 is the target; the
 way. The paper's s in R^16 (section II-B c) is N = 2, flattened.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.config import Config, option
 from sain_core.errors import InvalidInputError, OffTableError
@@ -74,6 +77,17 @@ def make_scene(
     return scene
 
 
+def check_finite(values: Float[ndarray, "*B C"], names: Sequence[str], of: str) -> None:
+    """Raise `InvalidInputError` for the first number, of a column with a name, that is not finite.
+
+    `of` may have a place for the number of the row, as ``before: {name} of disk {row}``.
+    """
+    if not np.isfinite(values).all():
+        *rows, column = np.argwhere(~np.isfinite(values))[0].tolist()
+        what = of.format(name=names[column], row=rows[0] if rows else 0)
+        raise InvalidInputError(f"{what} is {values[(*rows, column)]}; must be finite")
+
+
 def check_states(scene: Scene, table: Table | None = None) -> None:
     """Check an array that should be a scene (N, 8), but for overlaps.
 
@@ -81,10 +95,7 @@ def check_states(scene: Scene, table: Table | None = None) -> None:
     """
     if scene.ndim != 2 or scene.shape[1] != STATE_SIZE or scene.shape[0] < 1:
         raise InvalidInputError(f"a scene has shape (N, 8) with N >= 1, not {scene.shape}")
-    if not np.isfinite(scene).all():
-        disk, column = (int(i) for i in np.argwhere(~np.isfinite(scene))[0])
-        value = scene[disk, column]
-        raise InvalidInputError(f"{STATE_NAMES[column]} of disk {disk} is {value}; must be finite")
+    check_finite(scene, STATE_NAMES, "{name} of disk {row}")
     for column in (MASS, RADIUS):
         if (scene[:, column] <= 0).any():
             disk = int(np.argmin(scene[:, column]))

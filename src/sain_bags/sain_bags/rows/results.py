@@ -17,9 +17,9 @@ from sain_bags.rows.tables import Elements, MessageTable, TableReader
 from sain_bags.rows.topics import PUSH_RESULT, topics_of
 from sain_core.errors import ErrorCode
 from sain_core.push import PUSH_NAMES, pushed_bodies
-from sain_core.scene import STATE_SIZE
+from sain_core.scene import STATE_SIZE, check_finite
 from sain_core.types import Pushes, Scenes
-from sain_core.wire import as_sent, check_disks, check_fields, decode_plan
+from sain_core.wire import as_sent, check_disks, decode_plan
 from sain_core.world import PushRecord
 
 OK: Final = int(ErrorCode.OK)
@@ -153,7 +153,7 @@ class Results:
             for scene in filter(len, (before, after)):
                 check_disks(scene)
             if code == OK:
-                check_fields(self.actions[row], PUSH_NAMES, "push")
+                check_finite(self.actions[row], PUSH_NAMES, "{name} of the push")
             physics = self.table.sequences["prediction.disks"].one(row)
             yield RecordedPush(
                 self.actions[row],

@@ -3,10 +3,10 @@
 And by what a body is recognised: tags on its top, a frame on ``/tf``, or a topic with its pose.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +28,7 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.shape import Shape
 from sain_core.types import Points, Scene
 
+T = TypeVar("T")
 Poses = Float[ndarray, "N 3"]  # x, y [m], heading [rad]
 
 KEYS: Final = (
@@ -107,12 +108,13 @@ def parse_bodies(content: Any) -> BodyFile:
         raise ConfigError(f"it must have a list 'bodies' of 1 to {MOST_BODIES} bodies")
     for number, row in enumerate(rows):
         _check_keys(row, f"body {number}")
+
+    def column(key: str, default: Any, check: Callable[..., T], *allowed: Any) -> list[T]:
+        values = (row.get(key, default) for row in rows)
+        return [check(f"{key} of body {body}", one, *allowed) for body, one in enumerate(values)]
+
     frames, topics, shapes, roles, names = (
-        [
-            check_text(f"{key} of body {number}", row.get(key, ""), 0)
-            for number, row in enumerate(rows)
-        ]
-        for key in ("frame", "topic", "shape", "role", "name")
+        column(key, "", check_text, 0) for key in ("frame", "topic", "shape", "role", "name")
     )
     tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
     _check_sources(frames, topics, tags)
@@ -120,16 +122,9 @@ def parse_bodies(content: Any) -> BodyFile:
     _check_unique("name", own_names)
     if any(roles) and not all(roles):
         raise ConfigError(f"body {roles.index('')} has no role and others have; give all or none")
-    masses = [_mass(row.get("mass", UNKNOWN), number) for number, row in enumerate(rows)]
-    radii, heights = (
-        tuple(
-            check_number(
-                f"{key} of body {number}", row.get(key, DISK_HEIGHT), LEAST_RADIUS, most, "m"
-            )
-            for number, row in enumerate(rows)
-        )
-        for key, most in (("radius", MOST_RADIUS), ("height", MOST_HEIGHT))
-    )
+    masses = column("mass", UNKNOWN, _mass)
+    radii = column("radius", None, check_number, LEAST_RADIUS, MOST_RADIUS, "m")
+    heights = column("height", DISK_HEIGHT, check_number, LEAST_RADIUS, MOST_HEIGHT, "m")
     bodies = Bodies.named(shapes, roles if all(roles) else ())
     for number, body in enumerate(zip(tags, bodies.shapes, radii, strict=True)):
         if body[0]:
@@ -137,9 +132,9 @@ def parse_bodies(content: Any) -> BodyFile:
     return BodyFile(
         bodies=bodies,
         names=own_names,
-        radii=radii,
+        radii=tuple(radii),
         masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
-        heights=heights,
+        heights=tuple(heights),
         tags=tuple(tags),
         frames=tuple(frames),
         topics=tuple(topics),
@@ -265,7 +260,5 @@ def _check_keys(
             raise ConfigError(f"{what} has no {key}; it needs {' and '.join(needed)}")
 
 
-def _mass(value: Any, body: int) -> float | None:
-    if value == UNKNOWN:
-        return None
-    return check_number(f"mass of body {body}", value, LEAST_MASS, MOST_MASS, "kg")
+def _mass(name: str, value: Any) -> float | None:
+    return None if value == UNKNOWN else check_number(name, value, LEAST_MASS, MOST_MASS, "kg")

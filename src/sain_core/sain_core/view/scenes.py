@@ -1,6 +1,7 @@
 """Lists of things to draw: of the table, of a scene, of a row, of an episode and of a plan."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -114,11 +115,7 @@ def predictions(
     moved = np.maximum(_ways(first, predicted), _ways(first, last)) > MOVED
     shown = bodies_in(predicted, bodies, look=look, only=np.flatnonzero(moved).tolist())
     colour = "predicted" if look is Look.EXPECTED else "physics"
-    return [_recoloured(body, colour) for body in shown]
-
-
-def _recoloured(body: DrawnBody, colour: str) -> DrawnBody:
-    return DrawnBody(body.number, body.name, body.shape, body.state, colour, body.look)
+    return [replace(body, colour=colour) for body in shown]
 
 
 def episode_things(
@@ -163,7 +160,7 @@ def _misses(row: PushRecord, goal: Goal, bodies: Bodies) -> list[Thing]:
         off = _difference(row.predicted, row.after, body)
         if not straight and (off[0] > VISIBLY_OFF[0] or off[1] > VISIBLY_OFF[1]):
             shown = bodies_in(row.predicted, bodies, look=Look.EXPECTED, only=(body,))
-            things += [_recoloured(one, "predicted") for one in shown]
+            things += [replace(one, colour="predicted") for one in shown]
     return things
 
 

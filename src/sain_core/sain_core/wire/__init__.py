@@ -20,7 +20,7 @@ from sain_core.feasibility import ReachTable
 from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, Goal
 from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_BODIES, MOST_RADIUS
 from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
-from sain_core.scene import STATE_NAMES, STATE_SIZE, THETA
+from sain_core.scene import STATE_NAMES, STATE_SIZE, THETA, check_finite
 from sain_core.shapes.body_file import MOST_MASS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushArray, Pushes, PushSequences, Scene, Scenes
@@ -57,12 +57,7 @@ def check_disks(scene: Scene, name: str = "scene") -> Scene:
     """Return a scene (N, 8) that came over the wire, with a disk and of finite numbers."""
     if len(scene) < MIN_DISKS:
         raise InvalidInputError(f"{name} has {len(scene)} disks; it needs at least {MIN_DISKS}")
-    if not np.isfinite(scene).all():
-        disk, column = (int(index) for index in np.argwhere(~np.isfinite(scene))[0])
-        value = scene[disk, column]
-        raise InvalidInputError(
-            f"{name}: {STATE_NAMES[column]} of disk {disk} is {value}; must be finite"
-        )
+    check_finite(scene, STATE_NAMES, f"{name}: {{name}} of disk {{row}}")
     return scene
 
 
@@ -96,7 +91,9 @@ def check_bodies(scene: Scene, name: str = "scene") -> Scene:
 
 def decode_push(message: Any) -> PushArray:
     """Return a ``Push`` as an array (5,); a speed of 0, as of a field left out, is the default."""
-    return check_fields(push_as_sent(message), PUSH_NAMES, "push")
+    push = push_as_sent(message)
+    check_finite(push, PUSH_NAMES, "{name} of the push")
+    return push
 
 
 def push_as_sent(message: Any) -> PushArray:
@@ -220,7 +217,7 @@ def decode_predict_request(request: Any) -> tuple[Scenes, Pushes, Scenes | None]
 
 def decode_past(request: Any) -> PushHistory:
     """Return the earlier pushes that a ``Rollout`` or ``PredictResidual`` request tells of."""
-    past, disks = request.past, request.disks
+    past, disks, noise = request.past, request.disks, request.past_noise
     _at_least(disks, MIN_DISKS, "disks")
     shape = (past, disks, STATE_SIZE)
     scenes = decode_floats(request.past_scenes, shape, "past_scenes")
@@ -228,12 +225,8 @@ def decode_past(request: Any) -> PushHistory:
         scenes,
         _decode_pushes(request.past_pushes, (past,), "past_pushes", disks),
         decode_floats(request.past_next, shape, "past_next"),
-        _decode_noise(request.past_noise, (past, disks)),
+        decode_floats(noise, (past, disks), "past_noise") if len(noise) else None,
     )
-
-
-def _decode_noise(values: Sequence[float], shape: tuple[int, int]) -> ndarray | None:
-    return decode_floats(values, shape, "past_noise") if len(values) else None
 
 
 def decode_result(message: Any) -> tuple[Scene, PushArray, Scene]:
@@ -276,14 +269,6 @@ def _decode_pushes(
             f"{name} names body {body[wrong][0]:g}; there are bodies 0 to {bodies - 1}"
         )
     return pushes
-
-
-def check_fields(values: ndarray, fields: tuple[str, ...], name: str) -> ndarray:
-    """Return numbers that came over the wire, one a field, when they are finite."""
-    for field, value in zip(fields, values, strict=True):
-        if not np.isfinite(value):
-            raise InvalidInputError(f"{field} of the {name} is {value}; must be finite")
-    return values
 
 
 def _at_least(value: int, minimum: int, name: str) -> None:
