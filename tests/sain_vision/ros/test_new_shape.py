@@ -1,9 +1,6 @@
 """From one look at an object without a tag to a shape that is found by its name."""
 
 import io
-import os
-import struct
-import zlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,31 +19,12 @@ from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import trace
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.tracing import trace_top
-from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
-from sain_vision.optics import check_calibration, turn_of
+from sain_vision.optics import check_calibration
+from sain_vision.ros import new_shape
 from sain_vision.ros.new_shape import NewShapeOptions, describe, run
 from tests.sain_vision.detection.test_outlines import AWAY, CAMERA, CONFIG, START, camera_of
 
 T = 1  # the body that is looked at
-TWELVE = """image_width: 640
-image_height: 480
-camera_matrix: {data: [500, 0, 320, 0, 0, 500, 240, 0, 0, 0, 1, 0]}
-distortion_model: plumb_bob
-distortion_coefficients: {data: [0, 0, 0, 0, 0]}
-"""
-
-
-def png(width: int, height: int) -> bytes:
-    """Return a PNG that announces more pixels than it has."""
-    chunk = b"IHDR" + struct.pack(">II5B", width, height, 16, 0, 0, 0, 0)
-    whole = struct.pack(">I", 13) + chunk + struct.pack(">I", zlib.crc32(chunk))
-    return b"\x89PNG\r\n\x1a\n" + whole + struct.pack(">I", 0) + b"IDAT"
-
-
-def picture_of(millimetres: int) -> bytes:
-    """Return a depth image of one distance."""
-    size = CONFIG.height, CONFIG.width
-    return cv2.imencode(".png", np.full(size, millimetres, np.uint16))[1].tobytes()
 
 
 @pytest.fixture(scope="module")
@@ -57,23 +35,12 @@ def depth():
 
 @pytest.fixture
 def look(tmp_path, depth, monkeypatch):
-    """Files of a look, as options of the command."""
+    """Options of the command, whose camera sees the bodies."""
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
-    rotation, place = CONFIG.stated_pose
-    pose = Extrinsics("camera", "world", place, turn_of(rotation))
-    write_extrinsics(tmp_path / "camera.yaml", pose, {})
-    info = {
-        "image_width": CONFIG.width,
-        "image_height": CONFIG.height,
-        "camera_matrix": {"data": CONFIG.matrix.ravel().tolist()},
-        "distortion_model": "plumb_bob",
-        "distortion_coefficients": {"data": [0.0] * 5},
-    }
-    (tmp_path / "info.yaml").write_text(yaml.safe_dump(info))
-    cv2.imwrite(str(tmp_path / "depth.png"), depth)
-    near = tuple(START[T, :2].tolist())
-    files = {"extrinsics": tmp_path / "camera.yaml", "depth": tmp_path / "depth.png"}
-    return {"name": "mine", "near": near, "yes": True, "info": tmp_path / "info.yaml", **files}
+    grey = np.zeros((*depth.shape, 3), np.uint8)
+    metres = np.where(depth > 0, depth * 1e-3, np.nan)
+    monkeypatch.setattr(new_shape, "_look", lambda options: (metres, CAMERA, grey))
+    return {"name": "mine", "near": tuple(START[T, :2].tolist()), "yes": True}
 
 
 def test_one_look_makes_a_shape_that_is_found_by_its_name(look, tmp_path, depth, capsys):
@@ -105,28 +72,13 @@ def test_one_look_makes_a_shape_that_is_found_by_its_name(look, tmp_path, depth,
         ({"name": "a/b"}, "name is 'a/b'; allowed: letters"),
         ({"name": ".."}, "name is '..'; allowed: letters, .* no '-' or '.' first"),
         ({"name": "disk", "overwrite": True}, "there is a shape 'disk'"),
-        ({"info": None}, "--depth needs --info and --extrinsics"),
         ({"yes": False}, "there is no terminal to confirm"),
-        ({"depth": Path(os.devnull)}, "image /dev/null is not read"),
-        ({"info": Path(__file__)}, "camera info"),
-        ({"info": "%YAML:1.0\n---\n"}, r"is a file of OpenCV's \(%YAML:1.0\); give the one that"),
-        ({"info": "image_width: 640"}, "must have image_width, .*, distortion_model"),
-        ({"info": TWELVE}, r"camera_matrix.data is \[.*; it must be a list of 9 numbers"),
-        ({"depth": png(60_000, 60_000)}, "announces more pixels than the 50,000,000 that are read"),
         ({"name": "a.yaml"}, "name is 'a.yaml'; allowed: .* no .yaml or .json last"),
         ({"out": Path("mine.png")}, "out is mine.png; its name must end in .yaml"),
         ({"near": (5.0, 5.0)}, r"nearest to \(5, 5\) m is [67].\d\d m away; correct --near"),
-        ({"depth": picture_of(0)}, "no distance of 0.05 to 10 m, all are unknown"),
-        ({"depth": picture_of(65535)}, "no distance of 0.05 to 10 m, their median is 65.5 m"),
-        ({"depth": picture_of(0)[:-20]}, "is no image that OpenCV reads"),
-        ({"depth": png(9_000, 9_000)}, "announces 9000 x 9000 px; at most 50,000,000 are read"),
     ],
 )
-def test_what_cannot_be_used_is_said(look, monkeypatch, tmp_path, change, text):
-    for key, content in change.items():
-        if key in ("info", "depth") and isinstance(content, str | bytes):
-            change = {key: tmp_path / f"other_{key}"}
-            change[key].write_bytes(content if isinstance(content, bytes) else content.encode())
+def test_what_cannot_be_used_is_said(look, monkeypatch, change, text):
     monkeypatch.setattr("sys.stdin", io.StringIO())  # there is no terminal
     with pytest.raises((ConfigError, SainError), match=text):
         run(NewShapeOptions(**(look | change)), Console())

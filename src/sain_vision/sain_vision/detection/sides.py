@@ -32,17 +32,6 @@ def refine_corners(image: UInt8[ndarray, "height width"], corners: Quads) -> Qua
     return np.where(kept[:, None, None], refined, corners)
 
 
-def brightness(
-    image: UInt8[ndarray, "height width"], pixels: Float[ndarray, "M ... 2"]
-) -> Float[ndarray, "M ..."]:
-    """Return the brightness at places of M squares, M < 2**15, between the pixels about them."""
-    if not len(pixels):
-        return np.zeros(pixels.shape[:-1])
-    x, y = pixels.astype(np.float32).reshape(len(pixels), -1, 2).transpose(2, 0, 1)
-    values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return values.reshape(pixels.shape[:-1]).astype(np.float64)
-
-
 def _refined(
     image: UInt8[ndarray, "height width"], corners: Quads, reach: Float[ndarray, "M"]
 ) -> Quads:
@@ -57,7 +46,9 @@ def _refined(
     sampled = (
         places[:, :, :, None] + offsets[:, None, None, :, None] * normals[:, :, None, None]
     )  # (M, 4, A, C, 2)
-    profiles = brightness(image, sampled)
+    x, y = sampled.astype(np.float32).reshape(len(sampled), -1, 2).transpose(2, 0, 1)
+    values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profiles = values.reshape(sampled.shape[:-1]).astype(np.float64)
     rises = np.maximum(np.diff(profiles, axis=-1), 0.0)
     middles = (offsets[:, 1:] + offsets[:, :-1])[:, None, None] / 2
     shifts = (rises * middles).sum(axis=-1) / np.maximum(rises.sum(axis=-1), 1e-9)  # (M, 4, A)

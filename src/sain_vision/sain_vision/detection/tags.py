@@ -9,11 +9,11 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Final, NamedTuple
+from typing import Final
 
 import cv2
 import numpy as np
-from jaxtyping import Bool, Float, Int, UInt8
+from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.camera.decals import FAMILIES, tag_family
@@ -21,26 +21,17 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import BodyFile, Tag
 from sain_vision.detection.planar_fit import fit_pose
-from sain_vision.detection.sides import brightness, refine_corners
+from sain_vision.detection.sides import refine_corners
 from sain_vision.detection.sighting import Sighting
 from sain_vision.optics import CameraModel, PlanePoints
 
-SMALLEST: Final = 10  # [px], side of a tag whose bits can be read in a sharp image
-READABLE: Final = 16  # [px], the same with the blur of usual lenses
-WINDOWS: Final = (17, 7, 41)
-"""Sides [px] of the areas with whose mean brightness a pixel is compared. A shadow or a dark
-neighbour spoils a tag in some of them, not in all."""
-DARKER: Final = 7  # than this mean, of 255
-MOST_AREAS: Final = 200  # dark areas of an image that are read in each window
-MOST_COVER: Final = 8  # times the image's size, that these areas span together
-CONTRAST: Final = 12.0  # of 255, between a tag's border and the paper
+READABLE: Final = 16  # [px], side of a tag whose bits can be read with the blur of usual lenses
 BIT_ERRORS: Final = {"36h11": 2, "25h9": 1, "16h5": 0}
 """Bits that may be wrong. More would find few more tags, and read a tag out of every 400th square
 of noise."""
-HINTS: Final = 16  # squares without a tag of the family that are read as other families' tags
+HINTS: Final = 100  # squares that are none of the family, at most, where others are looked for
 Grey = UInt8[ndarray, "height width"]
 Corners = Float[ndarray, "4 2"]  # [px]: upper left, upper right, lower right, lower left
-Squares = Float[ndarray, "M 4 2"]
 
 
 @dataclass(frozen=True)
@@ -63,7 +54,7 @@ class TagConfig(Config):
 
 
 class TagFinder:
-    """Finds tags in images, in a time that no image can exceed. Not for use by two threads.
+    """Finds tags in images. Not for use by two threads.
 
     Attributes:
         problems: what is wrong with the latest image, in words.
@@ -71,165 +62,47 @@ class TagFinder:
 
     def __init__(self, config: TagConfig) -> None:
         self._family = config.family
+        self._detector = _detector(config.family, BIT_ERRORS[config.family])
         self.problems: list[str] = []
 
     def find(self, image: Grey) -> dict[int, list[Corners]]:
         """Return the corners of each tag that an image shows, by its number."""
+        squares, numbers, others = self._detector.detectMarkers(image)
         found: dict[int, list[Corners]] = defaultdict(list)
-        taken: list[Corners] = []
-        unread, crowd = [], ""
-        smooth = cv2.GaussianBlur(image, (3, 3), 0)  # or noise makes a thousand areas of one pixel
-        for window in WINDOWS:
-            squares, areas, read = _dark_squares(smooth, window)
-            if read < areas:
-                crowd = f"the image has {areas} candidate squares, more than can be read in time:"
-                crowd += f" only the {read} largest were read"
-            squares = _bordered(image, _apart(squares, taken), self._family)
-            squares = refine_corners(image, squares)
-            numbers, turns = _numbers(image, squares, self._family, BIT_ERRORS[self._family])
-            for four, number, turn in zip(squares, numbers.tolist(), turns.tolist(), strict=True):
-                if number >= 0 and len(_apart(four[None], taken)):
-                    taken.append(np.roll(four, turn, axis=0))
-                    found[number].append(taken[-1])
-            unread.append(squares[numbers < 0])
-        self.problems = [] if found else _hints(image, np.concatenate(unread), self._family)
-        self.problems += [crowd] if crowd else []
+        if numbers is not None:
+            # OpenCV has its tags upside down.
+            corners = np.roll(np.concatenate(squares).astype(np.float64), 2, axis=1)
+            for number, four in zip(numbers.ravel(), refine_corners(image, corners), strict=True):
+                found[int(number)].append(four)
+        few = not found and 0 < len(others) <= HINTS
+        self.problems = _hints(image, self._family) if few else []
         return found
 
 
-def _dark_squares(image: Grey, window: int) -> tuple[Squares, int, int]:
-    """Return dark areas with four corners, how many areas there are, and how many were read."""
-    dark = cv2.adaptiveThreshold(
-        image, 1, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, window, DARKER
-    )
-    _, labels, boxes, _ = cv2.connectedComponentsWithStats(dark, connectivity=4)
-    sides = boxes[:, 2:4].min(axis=1)
-    sides[0] = 0  # the background
-    large = np.flatnonzero((sides > 0.7 * SMALLEST) & (boxes[:, 4] > 2 * SMALLEST))
-    cover = boxes[large, 2].astype(float) * boxes[large, 3]
-    order = np.argsort(-cover)[:MOST_AREAS]
-    order = order[np.cumsum(cover[order]) <= MOST_COVER * image.size]
-    squares = []
-    for label in large[order].tolist():
-        left, top, wide, high, _ = boxes[label].tolist()
-        area = (labels[top : top + high, left : left + wide] == label).view(np.uint8)
-        (line, *_), _ = cv2.findContours(area, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
-        length = cv2.arcLength(line, True)
-        four = cv2.approxPolyDP(line, 0.03 * length, True)
-        if len(four) == 4 and length > 2.8 * SMALLEST and cv2.isContourConvex(four):
-            squares.append(four[::-1, 0] + (left, top))  # clockwise in the image
-    return np.array(squares, dtype=np.float64).reshape(-1, 4, 2), len(large), len(order)
-
-
-def _apart(squares: Squares, taken: Sequence[Corners]) -> Float[ndarray, "K 4 2"]:
-    """Return the squares that do not lie where others do."""
-    if not taken:
-        return squares
-    others = np.stack(taken)
-    sides = np.linalg.norm(others[:, 0] - others[:, 2], axis=1) / 2
-    gaps = np.linalg.norm(squares.mean(axis=1)[:, None] - others.mean(axis=1), axis=2)
-    return squares[(gaps > 0.5 * sides).all(axis=1)]
-
-
-def _bordered(image: Grey, squares: Squares, family: str) -> Float[ndarray, "K 4 2"]:
-    """Return the squares that have a dark border on bright paper, roughly."""
-    _, dark, bright = _modules(image, squares, family)
-    return squares[(dark > 0.7) & (bright > 0.6)]
-
-
-class _Grid(NamedTuple):
-    """Where a tag's modules lie, with one row of paper around them.
-
-    Attributes:
-        places: (S * S * 4, 2) of four places in each module, on a square from (0, 0) to (1, 1).
-        paper: (S * S,) which modules are paper.
-        border: (S * S,) which are the black border.
-        white: (S * S, W) makes the plane through the paper of the paper's brightness.
-        black: (S * S, W) likewise of the border's.
-    """
-
-    places: Float[ndarray, "P 2"]
-    paper: Bool[ndarray, "C"]
-    border: Bool[ndarray, "C"]
-    white: Float[ndarray, "C W"]
-    black: Float[ndarray, "C B"]
-
-
 @lru_cache
-def _grid(side: int) -> _Grid:
-    """Return the grid of a tag with so many modules along its side, the paper included."""
-    steps = (np.arange(side)[:, None] + (0.3, 0.7)).ravel() - 1.0
-    places = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2) / (side - 2)
-    from_middle = np.mgrid[:side, :side].reshape(2, -1) - (side - 1) / 2
-    ring = np.abs(from_middle).max(axis=0)
-    paper, border = ring > side / 2 - 1, (ring < side / 2 - 1) & (ring > side / 2 - 2)
-    plane = np.column_stack([np.ones(side**2), *from_middle])
-    white, black = (plane @ np.linalg.pinv(plane[which]) for which in (paper, border))
-    return _Grid(places, paper, border, white, black)
+def _detector(family: str, bit_errors: int) -> cv2.aruco.ArucoDetector:
+    """Return what finds tags of a family of which so many bits may be wrong."""
+    tags = cv2.aruco.getPredefinedDictionary(FAMILIES[family])
+    tags.maxCorrectionBits = bit_errors
+    given = cv2.aruco.DetectorParameters()
+    # A shadow or a dark neighbour spoils a tag in some windows [px], not in all.
+    given.adaptiveThreshWinSizeMin, given.adaptiveThreshWinSizeMax = 7, 41
+    given.adaptiveThreshWinSizeStep = 17
+    # Of the image's width: with more and smaller squares an image of them takes half a minute.
+    given.minMarkerPerimeterRate = 0.03
+    given.minDistanceToBorder, given.errorCorrectionRate = 1, 1.0
+    given.maxErroneousBitsInBorderRate = 0.2
+    # Of each module its middle, which neighbours do not blur.
+    given.perspectiveRemovePixelPerCell, given.perspectiveRemoveIgnoredMarginPerCell = 8, 0.3
+    return cv2.aruco.ArucoDetector(tags, given)
 
 
-def _modules(
-    image: Grey, squares: Squares, family: str
-) -> tuple[Float[ndarray, "M B"], Float[ndarray, "M"], Float[ndarray, "M"]]:
-    """Return the inner modules of squares, 1 bright and -1 dark, and the shares that are right.
-
-    These are the shares of the border that is dark, and of the paper around it that is bright.
-    Black and white are planes through both, as light may fall unevenly (Wang and Olson 2016).
-    """
-    side = tag_family(family).shape[1] + 2
-    grid = _grid(side)
-    read = brightness(image, _on_squares(squares, grid.places))
-    values = read.reshape(len(read), side, 2, side, 2).mean(axis=(2, 4)).reshape(len(read), side**2)
-    white, black = values[:, grid.paper] @ grid.white.T, values[:, grid.border] @ grid.black.T
-    signs = np.where(values > (white + black) / 2, 1.0, -1.0)
-    clear = (white - black).min(axis=1) > CONTRAST
-    dark, bright = signs[:, grid.border] < 0, signs[:, grid.paper] > 0
-    inner = signs[:, ~(grid.paper | grid.border)]
-    return inner, clear * dark.mean(axis=1), clear * bright.mean(axis=1)
-
-
-def _on_squares(squares: Squares, places: Float[ndarray, "P 2"]) -> Float[ndarray, "M P 2"]:
-    """Return the pixels of places, of which (0, 0) and (1, 1) are the first and third corner."""
-    first, second, third, fourth = squares.transpose(1, 0, 2)
-    right, down, bend = second - third, fourth - third, first - second + third - fourth
-    area = right[:, 0] * down[:, 1] - down[:, 0] * right[:, 1]
-    g = ((bend[:, 0] * down[:, 1] - down[:, 0] * bend[:, 1]) / area)[:, None]
-    h = ((right[:, 0] * bend[:, 1] - bend[:, 0] * right[:, 1]) / area)[:, None]
-    u, v = places.T
-    along, across = second * (1 + g) - first, fourth * (1 + h) - first
-    top = along[:, None] * u[:, None] + across[:, None] * v[:, None] + first[:, None]
-    return np.asarray(top / (g * u + h * v + 1.0)[..., None])
-
-
-def _numbers(
-    image: Grey, squares: Squares, family: str, most_errors: int, mirrored: bool = False
-) -> tuple[Int[ndarray, "M"], Int[ndarray, "M"]]:
-    """Return the number of the tag that each square is, or -1, and by how many corners it turns."""
-    inner, dark, bright = _modules(image, squares, family)
-    codes = _codes(family, mirrored)
-    errors = (codes.shape[1] - inner @ codes.T) / 2
-    best = errors.argmin(axis=1)
-    right = (errors.min(axis=1) <= most_errors) & (dark > 0.85) & (bright > 0.7)
-    return np.where(right, best // 4, -1), best % 4
-
-
-@lru_cache
-def _codes(family: str, mirrored: bool) -> Float[ndarray, "C B"]:
-    """Return the bits of each tag at each of its four turns, 1 bright and -1 dark."""
-    bits = 1.0 - 2.0 * tag_family(family)[:, 1:-1, 1:-1]
-    bits = bits[:, :, ::-1] if mirrored else bits
-    turned = np.stack([np.rot90(bits, turn, axes=(1, 2)) for turn in range(4)], axis=1)
-    return turned.reshape(4 * len(bits), -1)
-
-
-def _hints(image: Grey, squares: Squares, family: str) -> list[str]:
+def _hints(image: Grey, family: str) -> list[str]:
     """Return in words why squares that look like tags are none of the family."""
-    squares = squares[:HINTS]
-    if (_numbers(image, squares, family, 0, mirrored=True)[0] >= 0).any():
+    if _detector(family, 0).detectMarkers(image[:, ::-1].copy())[1] is not None:
         return ["the image shows tags mirrored; publish the camera's images unflipped"]
     for other in FAMILIES:
-        numbers, _ = _numbers(image, squares, other, 0)
-        if other != family and (numbers >= 0).any():
+        if other != family and _detector(other, 0).detectMarkers(image)[1] is not None:
             return [f"the tags in the image are of family {other}; tags.family is {family}"]
     return []
 

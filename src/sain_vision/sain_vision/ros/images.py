@@ -8,7 +8,6 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
-from sain_vision.look_files import known_depths
 
 TO_GREY: Final[dict[str, tuple[int, int | None]]] = {  # bytes of a pixel, and the conversion
     "mono8": (1, None),
@@ -22,6 +21,7 @@ TO_GREY: Final[dict[str, tuple[int, int | None]]] = {  # bytes of a pixel, and t
 }
 DEPTHS: Final = {"16UC1": ("u2", 1e-3), "mono16": ("u2", 1e-3), "32FC1": ("f4", 1.0)}
 """Types of depth images, with the size of their unit [m]."""
+RANGE: Final = (0.05, 10.0)  # [m], of distances that a camera over a table sees
 
 Grey = UInt8[ndarray, "height width"]
 Depth = Float[ndarray, "height width"]
@@ -53,8 +53,15 @@ def decode_depth(message: Any) -> Depth:
     kind, unit = DEPTHS[message.encoding]
     order = ">" if message.is_bigendian else "<"
     rows = np.ascontiguousarray(_rows(message, int(kind[1]))).view(order + kind)
-    depth = rows.reshape(message.height, message.width).astype(np.float64) * unit
-    return known_depths(depth)
+    metres = rows.reshape(message.height, message.width).astype(np.float64) * unit
+    known = metres[metres > 0.0]
+    if not ((known > RANGE[0]) & (known < RANGE[1])).any():
+        found = f"their median is {np.median(known):.3g} m" if len(known) else "all are unknown"
+        raise InvalidInputError(
+            f"the depth image has no distance of {RANGE[0]:g} to {RANGE[1]:g} m, {found}: 16 bits"
+            " must be in mm, floats in m, bytes in the stated order, and the camera uncovered"
+        )
+    return np.where(metres > 0.0, metres, np.nan)
 
 
 def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:

@@ -20,7 +20,6 @@ from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
 from sain_vision.detection.sighting import grey_of
 from sain_vision.detection.tracing import TracedTop, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
-from sain_vision.look_files import read_camera, read_depth
 from sain_vision.optics import CameraModel
 
 SCALE: Final = 2  # times as large a picture is shown
@@ -30,17 +29,14 @@ SCALE: Final = 2  # times as large a picture is shown
 class NewShapeOptions(Config):
     """Make a shape of an object on the table, from a look of a depth camera.
 
-    The object lies alone in the image, wholly visible, the arm away. Without files the look comes
-    from the camera's topics. The command writes a picture and asks, then writes the outline. After
-    that its name is a shape, wherever shapes are named.
+    The object lies alone in the image, wholly visible, the arm away. The command writes a picture
+    and asks, then writes the outline. After that its name is a shape, wherever shapes are named.
     """
 
     name: Annotated[str, tyro.conf.Positional] = option("", "of the shape")
     near: tuple[float, float] | None = option(
         None, "place of the object, x and y; without it, the largest", unit="m"
     )
-    depth: Path | None = option(None, "depth image: PNG of 16 bits, in mm; needs info, extrinsics")
-    info: Path | None = option(None, "calibration of the camera, as camera_calibration writes it")
     extrinsics: Path | None = option(None, "file of calibrate_camera; without it, from /tf")
     frames: int = option(10, "depth images that are averaged", minimum=1, maximum=100)
     out: Path | None = option(None, "file to write; by default NAME.yaml among this user's shapes")
@@ -61,8 +57,6 @@ class NewShapeOptions(Config):
                 f"there is a shape {self.name!r}; take another name; or, if it is one of yours,"
                 " --overwrite"
             )
-        if self.depth is not None and None in (self.info, self.extrinsics):
-            raise ConfigError("--depth needs --info and --extrinsics: where the camera was")
 
     @property
     def path(self) -> Path:
@@ -79,11 +73,6 @@ def run(options: NewShapeOptions, console: Console) -> None:
     for path in (options.path, shown):
         claim_file(path, options.overwrite)
     depth, camera, picture = _look(options)
-    if depth.shape != (camera.height, camera.width):
-        raise InvalidInputError(
-            f"the image is {depth.shape[1]} x {depth.shape[0]} px and the calibration is for"
-            f" {camera.width} x {camera.height} px; both must be of one size"
-        )
     near = None if options.near is None else np.array(options.near)
     top = trace_top(depth, camera, near)
     body = trace(options.name, top.outline)
@@ -137,10 +126,6 @@ def _confirm(options: NewShapeOptions, console: Console) -> None:
 
 def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray]:
     """Return depth [m], the camera at its place, and a picture in blue, green and red."""
-    if options.depth is not None:
-        assert options.info is not None and options.extrinsics is not None
-        depth = read_depth(options.depth)
-        return depth, read_camera(options.info, options.extrinsics), _grey(depth)
     from sain_core.ros.node_main import command_node
     from sain_vision.ros.camera_input import ImageWatcher
     from sain_vision.ros.images import decode_depth, decode_grey
@@ -153,7 +138,7 @@ def _look(options: NewShapeOptions) -> tuple[np.ndarray, CameraModel, np.ndarray
             message, camera = watcher.next_image()
             depths.append(decode_depth(message))
         depth = averaged(depths)
-        picture = _grey(depth)
+        picture = np.asarray(cv2.cvtColor(grey_of(depth), cv2.COLOR_GRAY2BGR))
         with suppress(InvalidInputError):  # depth alone is a picture, too
             grey = decode_grey(ImageWatcher(node).next_image()[0])
             picture = (
@@ -169,7 +154,3 @@ def averaged(depths: Sequence[Any]) -> np.ndarray:
     stack = np.stack(depths)
     seen = np.isfinite(stack).mean(axis=0) > 0.5
     return np.where(seen, np.nanmedian(np.where(seen, stack, 0.0), axis=0), np.nan)
-
-
-def _grey(depth: np.ndarray) -> np.ndarray:
-    return np.asarray(cv2.cvtColor(grey_of(depth), cv2.COLOR_GRAY2BGR))
