@@ -25,7 +25,8 @@ from sain_vision.detection.sides import refine_corners
 from sain_vision.detection.sighting import Sighting
 from sain_vision.optics import CameraModel, PlanePoints
 
-READABLE: Final = 16  # [px], side of a tag whose bits can be read with the blur of usual lenses
+SMALLEST: Final = 10  # [px], side of a tag whose bits can be read in a sharp image
+READABLE: Final = 16  # [px], the same with the blur of usual lenses
 BIT_ERRORS: Final = {"36h11": 2, "25h9": 1, "16h5": 0}
 """Bits that may be wrong. More would find few more tags, and read a tag out of every 400th square
 of noise."""
