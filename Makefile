@@ -11,6 +11,24 @@ help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
 	@echo "  ./env CMD     any command inside the environment, for example ./env ros2 pkg executables"
 
+# Plays all scenarios: the folder below results/table, the options of its world, and further models. The tolerances of poses
+# are those of docs/explanation/shapes.md. A scene of `streak` takes up to 100 goals.
+define evaluate_in
+	@./env ros2 run sain_eval evaluate --out results/table/$(1)/paper --scenario paper,paper_shift,paper_cube \
+		--controllers null,straight,random,planar,sain,oracle$(3) --tolerances $(PLACES) $(2) $(ARGS)
+	@./env ros2 run sain_eval evaluate --out results/table/$(1)/anywhere --scenario anywhere,anywhere_cube \
+		--controllers straight,planar,sain,oracle$(3) --tolerances $(PLACES) $(2) $(ARGS)
+	@./env ros2 run sain_eval evaluate --out results/table/$(1)/poses \
+		--scenario box,push_t,shapes,shapes_indirect,rearrange_2,rearrange_3,rearrange_4 \
+		--controllers random,planar,sain,oracle$(3) --tolerances $(POSES) $(2) $(ARGS)
+	@./env ros2 run sain_eval evaluate --out results/table/$(1)/blocked --scenario blocked \
+		--controllers straight,planar,sain,oracle$(3) --tolerances $(POSES) $(2) $(ARGS)
+	@./env ros2 run sain_eval evaluate --out results/table/$(1)/streak --scenario streak \
+		--controllers planar --tolerances $(POSES) $(2) $(ARGS) --scenes 3
+endef
+PLACES := 0.05,0.02,0.01,0.005
+POSES := 0.02:0.1,0.01:0.05,0.005:0.03
+
 demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a report page
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
 
@@ -48,20 +66,19 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of others; some of them, or other rooms, with ARGS="planar_prior"
 	@./env python -m benchmarks $(or $(ARGS),speed)
 
-# Of one world: BULLET="--models runs/learned/sain.safetensors", ROUGH=..., MUJOCO=..., PUSHT="--scenes 20".
-# In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
+# Further models of one world, with a comma in front: BULLET=,runs/learned/sain.safetensors, ROUGH=..., MUJOCO=..., MEASURED=...
+# Of gym-pusht: PUSHT="--scenes 20". In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
 table: ## results/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
-	@./env ros2 run sain_eval evaluate --table --out results/table/bullet $(ARGS) $(BULLET)
-	@./env ros2 run sain_eval evaluate --table --world rough --out results/table/rough $(ARGS) $(ROUGH)
-	@./env ros2 run sain_eval evaluate --table --engine mujoco --out results/table/mujoco $(ARGS) $(MUJOCO)
-	@./env ros2 run sain_eval evaluate --table --engine mujoco --world measured --lab 7 --out results/table/measured \
-		$(ARGS) $(MEASURED)
+	$(call evaluate_in,bullet,,$(BULLET))
+	$(call evaluate_in,rough,--world rough,$(ROUGH))
+	$(call evaluate_in,mujoco,--engine mujoco,$(MUJOCO))
+	$(call evaluate_in,measured,--engine mujoco --world measured --lab 7,$(MEASURED))
 	@./env --with test pip install --quiet --no-deps --no-build-isolation ./examples/pusht
 	@./env ros2 run sain_eval evaluate --engine gym-pusht --scenario gym-pusht --controllers pusht --tolerances 0.01 \
 		--planner.speeds 0.32 --planner.correction-speed 0.32 --planner.samples 256 --planner.horizon 2 \
 		--planner.weights.effort 6.25 --out results/table/pusht --scenes 500 $(ARGS) $(PUSHT)
-	@./env ros2 run sain_eval results results/table/bullet results/table/rough results/table/mujoco \
-		results/table/measured results/table/pusht $(NAMES)
+	@./env ros2 run sain_eval results results/table/bullet/* results/table/rough/* results/table/mujoco/* \
+		results/table/measured/* results/table/pusht $(NAMES)
 	@./env python -m benchmarks.results.results_figure
 
 faults: ## results/faults.md: what the graph makes of killed and stopped nodes, an arm that fails, and hostile input; takes an hour

@@ -18,7 +18,6 @@ from sain_sim.world.workcell import Workcell
         ("--tolerances near", "allowed: numbers with commas, or pairs as 0.02:0.1"),
         ("--tolerances 0.02:9", "--tolerances has 9.0 rad; allowed: above 0, at most 5.0 rad"),
         ("--controllers ,", "--controllers is empty; at least one is needed"),
-        ("--models runs/mine", "--models is 'runs/mine' without --table; give"),
         ("--scenes 0", "--scenes is 0; it must be at least 1"),
     ],
 )

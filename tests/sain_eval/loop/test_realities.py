@@ -8,7 +8,7 @@ from rich.console import Console
 
 from sain_core.errors import DatasetError
 from sain_eval.cli.results import ResultsOptions, run
-from sain_eval.loop.results import RESULTS_FILE, SCHEMA, SceneRecord, summarise
+from sain_eval.loop.results import RESULTS_FILE, SceneRecord, write_results
 
 
 def evaluated(
@@ -23,15 +23,9 @@ def evaluated(
         )
         for seed in range(4)
     ]  # fmt: skip
-    content = {
-        "schema": SCHEMA,
-        "command": f"evaluate --engine {engine}",
-        "git_commit": "0123456789abcdef",
-        "config": {"truth": {"world": "randomised", "engine": engine}, "camera": camera or {}},
-        "summary": summarise(records),
-    }
-    folder.mkdir()
-    (folder / RESULTS_FILE).write_text(json.dumps(content))
+    config = {"truth": {"world": "randomised", "engine": engine}, "camera": camera or {}}
+    path = write_results(folder, records, config, f"evaluate --engine {engine}")
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"git_commit": "0123456789abcdef"}))
     return folder
 
 
@@ -99,8 +93,8 @@ def test_the_papers_numbers_are_beside_those_of_sain(tmp_path):
         (lambda text: None, r"results\.json cannot be read"),
         (lambda text: '{"schema": "else"}', "schema 'else'; allowed: 'sain-results-1'"),
         (lambda text: "[" * 100_000, "holds no results"),
-        (lambda text: text.replace("heading_tolerance", "turn"), "no results .*heading_tolerance"),
-        (lambda text: text.replace('"scenes": 4', '"scenes": null'), "scenes is 'None'"),
+        (lambda text: text.replace("heading_tolerance", "turn"), "no results .*'turn'"),
+        (lambda text: text.replace('"pushes": 4', '"pushes": null'), "pushes is None; it must be"),
     ],
 )
 def test_a_folder_without_results_is_named(tmp_path, content, message):

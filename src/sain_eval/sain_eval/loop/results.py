@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 import numpy as np
 
+from sain_core.config import typed
 from sain_core.errors import OutputError, UntrustedFileError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import read_regular_text
@@ -274,7 +275,7 @@ class Journal:
             kept = parse_json(lines[0])["settings"]
             differing = [k for k in {*kept, *settings} if kept.get(k) != settings.get(k)]
             episodes = [parse_json(line) for line in lines[1:]]
-            self.records = [_record(item) for episode in episodes for item in episode]
+            self.records = [record_of(item) for episode in episodes for item in episode]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if not overwrite:
                 raise OutputError(
@@ -296,6 +297,7 @@ class Journal:
         self.records, self._first = [], {"settings": settings}
 
 
-def _record(item: dict[str, Any]) -> SceneRecord:
-    lists = {name: tuple(value) for name, value in item.items() if isinstance(value, list)}
-    return SceneRecord(**item | lists)
+def record_of(item: dict[str, Any]) -> SceneRecord:
+    """Return a record from its JSON; raises `TypeError` or `LookupError`: it is none."""
+    right = get_type_hints(SceneRecord)
+    return SceneRecord(**{name: typed(name, right[name], value) for name, value in item.items()})

@@ -126,23 +126,9 @@ def failure_line(record: SceneRecord) -> str:
     )
 
 
-def table_page(records: Sequence[SceneRecord], note: str = "") -> str:
-    """Return the summary as a page: the table; with a note, that and the failures below it."""
-    table = results_table(summarise(records))
-    if not note:
-        return table
-    planned = [one for one in failures(records) if one.controller not in BASELINES]
-    lines = "".join(f"* {failure_line(record)}\n" for record in planned)
-    return (
-        f"{table}\n{note}\n\nFailures of controllers that plan; all are in"
-        f" [{FAILURES_FILE}]({FAILURES_FILE}), each shape is in"
-        f" [{SHAPE_TABLE_FILE}]({SHAPE_TABLE_FILE}):\n\n{lines or 'None.'}"
-    )
-
-
-def write_tables(folder: Path, records: Sequence[SceneRecord], note: str = "") -> None:
-    """Write the table with its note, that of each shape, and the page of failures."""
-    write_whole(folder / TABLE_FILE, table_page(records, note).encode())
+def write_tables(folder: Path, records: Sequence[SceneRecord]) -> None:
+    """Write the table, that of each shape, and the page of failures."""
+    write_whole(folder / TABLE_FILE, results_table(summarise(records)).encode())
     if per_shape := shape_table(records):
         write_whole(folder / SHAPE_TABLE_FILE, per_shape.encode())
     write_whole(folder / FAILURES_FILE, failures_page(records).encode())
