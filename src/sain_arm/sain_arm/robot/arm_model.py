@@ -188,11 +188,6 @@ class ArmModel:
             found.append(Contact(links[0], others[0], body, is_tool, float(contact.dist)))
         return found
 
-    @property
-    def harmless(self) -> list[tuple[str, str]]:
-        """Names of links whose contact means nothing."""
-        return [(self._names[first], self._names[second]) for first, second in self._harmless]
-
     def _always_touching(self) -> set[tuple[int, int]]:
         """Return the pairs of links that one joint joins, or that touch in nearly every posture.
 
