@@ -4,12 +4,9 @@ The arm's joints and the disks come from the bag and nothing is simulated again:
 is what happened.
 """
 
-import os
-from collections.abc import Generator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from io import BytesIO
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -17,25 +14,21 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw, ImageFont
 
-from sain_arm.robot.robot import Robot
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.topics import SCENE
 from sain_bringup.graph import NAMESPACE_KEY
 from sain_core.camera.image_camera import ImageCameraConfig
 from sain_core.goal import Judgement
-from sain_core.shapes.bodies import Bodies
 from sain_core.types import Points, Scene
 from sain_core.view.palette import PALETTE
 from sain_core.wire import decode_disks, decode_stamp
-from sain_core.workers import FunctionRunner, Work, start_processes
 
 if TYPE_CHECKING:
     from sain_sim.camera.renderer import Renderer  # takes a second to load
 
 JOINTS: Final = "sensor_msgs/msg/JointState"
 MARGIN: Final = 16  # [px]
-MOST_PROCESSES: Final = 8
 SPEED: Final = 3.0  # simulated time by shown time
 RATE: Final = 12.0  # [Hz], of pictures
 HOLD: Final = 2.0  # [s] that the last picture stands
@@ -100,42 +93,14 @@ def choose_moments(moments: Sequence[Moment]) -> list[Moment]:
     return [moments[index] for index in dict.fromkeys(nearest.tolist())]
 
 
-@dataclass(frozen=True)
-class Scenery:
-    """What all pictures of a film have in common."""
-
-    robot: Robot
-    bodies: Bodies
-    radii: tuple[float, ...]  # [m]
-    goal: Points  # (C, 2) [m], outline on the table
-    title: str  # on each picture
-
-    def renderer(self) -> "Renderer":
-        """Return what renders the pictures."""
-        from sain_sim.camera.renderer import Renderer
-
-        return Renderer(self.robot, self.bodies, self.radii, CAMERA)
-
-
-def render(scenery: Scenery, moments: Sequence[Moment]) -> list[Image.Image]:
-    """Return the pictures of moments."""
-    renderer, goal = scenery.renderer(), scenery.goal
+def render(
+    renderer: "Renderer", moments: Sequence[Moment], goal: Points, title: str
+) -> list[Image.Image]:
+    """Return the pictures of moments, with the outline (C, 2) [m] of a goal and a title."""
     return [
-        _caption(renderer.picture(one.joints, one.scene, goal), scenery.title, one.judged)
+        _caption(renderer.picture(one.joints, one.scene, goal), title, one.judged)
         for one in moments
     ]
-
-
-def start_film(
-    scenery: Scenery, moments: Sequence[Moment], processes: int = 0
-) -> Generator[list[Image.Image], None, None]:
-    """Begin to render in so many processes, 0: one for each core; to close it ends them."""
-    size = min(processes or len(os.sched_getaffinity(0)), MOST_PROCESSES, len(moments))
-    ends = np.linspace(0, len(moments), size + 1).astype(int).tolist()
-    parts = [moments[first:last] for first, last in pairwise(ends)]
-    start = partial(FunctionRunner, partial(render, scenery))
-    # There is nothing that pictures must agree with.
-    return start_processes(Work(start), parts, len(parts))
 
 
 def encode_gif(frames: Sequence[Image.Image]) -> bytes:

@@ -1,7 +1,6 @@
-"""What a run leaves behind: summary, pictures and a page, all read back from the bag."""
+"""What a run leaves behind: summary, moving picture and a page, all read back from the bag."""
 
-from collections.abc import Generator, Sequence
-from contextlib import ExitStack, closing
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,12 +16,12 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import DEFAULT_ROBOT, EPISODES_KEY, NAMESPACE_KEY, ROBOT_KEY
-from sain_bringup.movie import Scenery, choose_moments, encode_gif, episode_moments, start_film
+from sain_bringup.movie import CAMERA, choose_moments, encode_gif, episode_moments, render
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
 from sain_core.scene import RADIUS, unit
+from sain_core.shapes.bodies import Bodies
 from sain_core.view.scenes import goal_marks
-from sain_eval.episode import EpisodeRecord
 from sain_eval.scenes.scenarios import draw_scene
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
@@ -75,14 +74,13 @@ class PlayedEpisode:
         goal = f", goal {self.goal}" if self.goal else ""
         return f"{self.scenario} {self.seed}".strip() + goal
 
-    def record(self) -> EpisodeRecord:
-        """Return the episode as `sain_eval` draws it."""
-        episode = self.episode
-        assert episode.goal is not None
-        bodies = episode.bodies
+    @property
+    def bodies(self) -> Bodies:
+        """Its bodies, of the scenario where the recording has none."""
+        bodies = self.episode.bodies
         if bodies.are_paper_disks and self.scenario:
-            bodies = draw_scene(self.scenario, self.seed).bodies
-        return EpisodeRecord(episode.goal, episode.records, episode.start, bodies, self.title)
+            return draw_scene(self.scenario, self.seed).bodies
+        return bodies
 
 
 def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
@@ -154,17 +152,12 @@ def write_results(folder: Path, video: bool, display: Display) -> bool:
         played = played_episodes(bag)
         summaries = tuple(episode.summary() for episode in played)
         write_summary(folder / "summary.json", bag, summaries)
-    with ExitStack() as rendering:
-        film = None
-        if video and played:
-            film = rendering.enter_context(closing(begin_film(bag, choose_episode(played))))
-        with display.stage("drawing the episodes", "episodes drawn"):
-            draw_picture(folder, played)
-            write_page(folder / "report.html", read_content(bag).data)
-        if film is not None:
-            with display.stage("rendering the moving picture", "moving picture rendered"):
-                gif = encode_gif([picture for part in film for picture in part])
-                write_whole(folder / "closed_loop.gif", gif)
+    with display.stage("writing the report", "report written"):
+        write_page(folder / "report.html", read_content(bag).data)
+    if video and played:
+        with display.stage("rendering the moving picture", "moving picture rendered"):
+            film = make_film(bag, choose_episode(played))
+            write_whole(folder / "closed_loop.gif", encode_gif(film))
     display.console.print()
     display.console.print(summary_table(summaries), soft_wrap=True)
     display.console.print("\nWritten, to be opened in this order:")
@@ -181,16 +174,6 @@ def written_files(folder: Path) -> list[Path]:
     )
 
 
-def draw_picture(folder: Path, played: tuple[PlayedEpisode, ...]) -> None:
-    """Draw all episodes from above in one picture, each towards its last goal."""
-    from sain_core.view.figures import write_png  # matplotlib takes a while to load
-    from sain_eval.plots.pictures import draw_overview
-
-    if played:
-        records = [episode.last_part().record() for episode in played]
-        write_png(draw_overview(records), folder / "overview.png")
-
-
 def choose_episode(played: Sequence[PlayedEpisode]) -> PlayedEpisode:
     """Return the episode that is nicest to watch: a success, long but not too long."""
 
@@ -201,15 +184,18 @@ def choose_episode(played: Sequence[PlayedEpisode]) -> PlayedEpisode:
     return max(played, key=rank)
 
 
-def begin_film(bag: Bag, one: PlayedEpisode) -> Generator[list[Image.Image], None, None]:
-    """Begin to render one episode from its recording."""
+def make_film(bag: Bag, one: PlayedEpisode) -> list[Image.Image]:
+    """Render one episode, towards its last goal, from its recording."""
+    from sain_sim.camera.renderer import Renderer  # takes a second to load
+
     one = one.last_part()
     assert one.episode.goal is not None
-    bodies, start = one.record().bodies, one.episode.start
+    bodies, start = one.bodies, one.episode.start
     mark = goal_marks(one.episode.goal, start, bodies)[0]
     # The body has reached its place when it lies wholly inside the ring.
     ring = (mark.body.radius + mark.tolerance) * unit(np.linspace(0.0, 2 * np.pi, CORNERS))
     goal = mark.body.outline if mark.body.marked else mark.body.place + ring
     robot = read_robot(bag.custom_data.get(ROBOT_KEY, DEFAULT_ROBOT))
-    scenery = Scenery(robot, bodies, tuple(start[:, RADIUS].tolist()), goal, one.title)
-    return start_film(scenery, choose_moments(episode_moments(bag, one.episode)))
+    renderer = Renderer(robot, bodies, tuple(start[:, RADIUS].tolist()), CAMERA)
+    moments = choose_moments(episode_moments(bag, one.episode))
+    return render(renderer, moments, goal, one.title)

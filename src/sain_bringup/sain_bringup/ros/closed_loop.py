@@ -54,9 +54,9 @@ WRITTEN_BY_NODES: Final = (
 class ClosedLoopOptions(GraphOptions):
     """Run the closed loop on the whole graph: simulator, model, planner and recorder.
 
-    Starts the four as separate processes, plays episodes, and writes a recording, a top view
-    of each episode, a moving picture and a summary. Without options it plays the demo: three
-    `anywhere` episodes, one `paper` and one `push_t` episode, each to 2 cm.
+    Starts the four as separate processes, plays episodes, and writes a recording, a page, a moving
+    picture and a summary. Without options it plays the demo: three `anywhere` episodes, one
+    `paper` and one `push_t` episode, each to 2 cm.
     """
 
     driver: str = absent("")

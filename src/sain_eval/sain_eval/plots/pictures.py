@@ -4,7 +4,7 @@ Pure data in, a figure out. The closed loop with and without ROS and the bag too
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,9 +33,6 @@ from sain_mppi.algorithms.sampling import PlanResult
 SIZE: Final = (6.6, 7.4)  # [inch]
 ASPECT: Final = 1.4  # of the top view
 ZOOM: Final = 2.2  # half the width of the view round the goal, in tolerances
-COLUMNS: Final = 2  # of an overview
-TILE: Final = (3.5, 3.5)  # [inch], of an episode in it
-LEGEND: Final = 0.8  # [inch]
 LEAST_DISTANCE: Final = 0.1  # [mm], one is drawn no smaller
 LEAST_TURN: Final = 1e-3  # [rad], one is drawn no smaller
 
@@ -222,32 +219,3 @@ def _error(predicted: Scene | None, after: Scene, bodies: Sequence[int]) -> floa
         return None
     off = (predicted - after)[list(bodies), POSITION]
     return float(np.linalg.norm(off, axis=-1).max())
-
-
-def draw_overview(records: Sequence[EpisodeRecord]) -> Figure:
-    """Draw all episodes of a run into one figure."""
-    columns = min(COLUMNS, len(records))
-    rows = -(-len(records) // columns)
-    figure = new_figure(columns * TILE[0], rows * TILE[1] + LEGEND)
-    names: set[str] = set()
-    for place, record in enumerate(records, start=1):
-        axes = figure.add_subplot(rows, columns, place)
-        names.update(draw_top_view(axes, record))
-        axes.set_title(" \n ", fontsize=TEXT)  # space for the two lines below
-        _write(
-            axes,
-            describe_task(record),
-            17,
-            fontsize=TEXT + 0.5,
-            fontweight="bold",
-            color=PALETTE.ink,
-        )
-        _write(axes, describe_result(record), 5, fontsize=TEXT, color=result_colour(record))
-    draw_legend(figure, sorted(names), columns=columns + 1)
-    return figure
-
-
-def _write(axes: Axes, text: str, above: float, **style: Any) -> None:
-    """Write a line so many points above axes, from the left edge of their labels on."""
-    style |= {"xycoords": "axes fraction", "textcoords": "offset points"}
-    axes.annotate(text, (0.0, 1.0), (-32, above), **style)
