@@ -11,9 +11,10 @@ from rich.console import Console
 
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
-from sain_bringup.display import Display, EpisodeView
+from sain_bringup.display import Display
 from sain_bringup.movie import CAMERA, Moment, encode_gif, render
 from sain_bringup.report import PlayedEpisode, summary_table
+from sain_bringup.ros.progress import Progress
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
 from sain_core.scene import make_scene, unit
@@ -94,7 +95,7 @@ def moments(count: int, step: float) -> list[Moment]:
 
 
 def test_the_gif_moves_and_ends_with_a_pause():
-    renderer = Renderer(WorldConfig().robot_model, Bodies.disks(2), (0.08, 0.06), CAMERA)
+    renderer = Renderer(WorldConfig().arm, Bodies.disks(2), (0.08, 0.06), CAMERA)
     ring = GOAL + 0.08 * unit(np.linspace(0.0, 6.2, 72))
     frames = render(renderer, moments(5, 0.1), ring, "paper 4")
     with Image.open(BytesIO(encode_gif(frames))) as shown:
@@ -108,10 +109,10 @@ def test_the_gif_moves_and_ends_with_a_pause():
 
 
 def shown(distances: list[float]) -> str:
-    view = EpisodeView(Display(Console(file=StringIO())), "1/1  paper 4")
+    progress = Progress(Display(Console(file=StringIO())), "1/1  paper 4")
     for distance in distances:
-        view.at(distance)
-    return view.summary()
+        progress.at(distance)
+    return progress.summary()
 
 
 def test_the_line_of_an_episode():

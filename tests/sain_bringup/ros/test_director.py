@@ -10,9 +10,10 @@ from rich.console import Console
 
 import sain_bringup.ros.director
 import sain_bringup.ros.progress
-from sain_bringup.display import Display, EpisodeView
+from sain_bringup.display import Display
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.director import Director, GraphTimeoutError
+from sain_bringup.ros.progress import Progress
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context
@@ -55,7 +56,7 @@ class Straw:
 def play(graph, statuses, case=CASE, supervisor=None, timeout=20.0):
     supervisor = supervisor or Supervisor(Path())
     straw = Straw(graph, statuses)
-    view = EpisodeView(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
+    progress = Progress(Display(Console(file=StringIO(), width=120)), "1/1  streak 0")
     with ros_context():
         director = Director(lambda: graph.executor.spin_once(timeout_sec=0.0), timeout, supervisor)
         try:
@@ -67,14 +68,14 @@ def play(graph, statuses, case=CASE, supervisor=None, timeout=20.0):
                 ),
                 lambda: "the straw is not there",
             )
-            director.play(case, 0.02, view)
+            director.play(case, 0.02, progress)
         finally:
             director.destroy_node()
-    return straw, view
+    return straw, progress
 
 
 def test_goals_in_a_row_are_given_without_a_reset_until_one_is_missed(graph):
-    straw, view = play(graph, (Plan.REACHED, Plan.REACHED, Plan.EXHAUSTED))
+    straw, progress = play(graph, (Plan.REACHED, Plan.REACHED, Plan.EXHAUSTED))
     assert len(straw.resets) == 1
     assert [goal.goal_id for goal in straw.goals] == [1, 2, 3]
     assert {goal.episode_id for goal in straw.goals} == {5}
@@ -82,8 +83,8 @@ def test_goals_in_a_row_are_given_without_a_reset_until_one_is_missed(graph):
         (sent,), (pose,) = message.poses, goal.poses
         assert (sent.x, sent.y, sent.heading) == (pose.x, pose.y, pose.heading)
         assert message.max_pushes == 30
-    assert not view.reached and view.goals == 2
-    assert view.summary().endswith("2 of 4 goals in a row  no pushes left of 0")
+    assert not progress.reached and progress.goals == 2
+    assert progress.summary().endswith("2 of 4 goals in a row  no pushes left of 0")
 
 
 class Crashed(Supervisor):
@@ -100,9 +101,9 @@ class Crashed(Supervisor):
 def test_a_goal_is_given_again_where_a_crash_swallowed_what_became_of_it(graph, monkeypatch):
     monkeypatch.setattr(sain_bringup.ros.director, "SILENT", 0.3)
     statuses = (Plan.REACHED, None, Plan.EXHAUSTED)
-    straw, view = play(graph, statuses, supervisor=Crashed())
+    straw, progress = play(graph, statuses, supervisor=Crashed())
     assert [goal.goal_id for goal in straw.goals] == [1, 2, 2]
-    assert view.goals == 1
+    assert progress.goals == 1
 
 
 @pytest.mark.parametrize("crashed", [False, True])
@@ -112,8 +113,8 @@ def test_a_push_without_a_result_is_waited_for_in_vain_only_after_a_crash(
     monkeypatch.setattr(sain_bringup.ros.progress, "LOST", 0.5)
     case, statuses = replace(CASE, further=()), ((Plan.PUSH, Plan.REACHED),)
     if crashed:
-        _, view = play(graph, statuses, case, Crashed())
-        assert view.reached
+        _, progress = play(graph, statuses, case, Crashed())
+        assert progress.reached
     else:
         with pytest.raises(GraphTimeoutError, match="no sign of planner or simulator"):
             play(graph, statuses, case, timeout=1.5)

@@ -241,6 +241,7 @@ def play(
 ) -> None:
     """Start the graph and play all episodes on it, checking again and again."""
     from sain_bringup.ros.director import Director
+    from sain_bringup.ros.progress import Progress
 
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
         sight = (folder / LOGS, options.see) if options.see else None
@@ -251,8 +252,10 @@ def play(
             lambda: supervisor.starting(names), lambda missing: display.status(waiting_for(missing))
         )
     for number, (scenario, seed) in enumerate(options.plans, start=1):
-        with display.episode(number, len(options.plans), f"{scenario} {seed}") as view:
-            director.play(draw_scene(scenario, seed), options.tolerance, view)
+        with display.episode():
+            progress = Progress(display, f"{number}/{len(options.plans)}  {scenario} {seed}")
+            director.play(draw_scene(scenario, seed), options.tolerance, progress)
+        progress.end()
 
 
 def waiting_for(missing: str) -> str:

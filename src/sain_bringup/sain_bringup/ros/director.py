@@ -14,7 +14,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 
-from sain_bringup.display import EpisodeView
 from sain_bringup.graph import PLANNER, SEEN_BODIES
 from sain_bringup.processes import Supervisor
 from sain_bringup.ros.listener import GraphListener
@@ -189,7 +188,7 @@ class Director(Node):
             missing.append(Missing(PLANNER, "the planner sees the model"))
         return missing
 
-    def play(self, case: ScenarioScene, tolerance: float, view: EpisodeView) -> None:
+    def play(self, case: ScenarioScene, tolerance: float, progress: Progress) -> None:
         """Play one episode until all goals are reached in a row, or no push follows.
 
         The tolerance [m] is that of places; headings have 5 rad for each metre of it.
@@ -201,22 +200,23 @@ class Director(Node):
             lambda: time.monotonic() - self._supervisor.back_at > REUNION,
             lambda: "a process that crashed is not back",
         )
-        episode_id = self._reset(case, view)
+        episode_id = self._reset(case, progress)
         self._events.clear()
-        progress = Progress(view)
         for goal in map(Tolerance(tolerance).apply, case.goals):
-            view.begin(len(case.goals))
-            self._pursue(replace(case, goal=goal, further=()), episode_id, progress)
-            if not view.reached:
+            part = replace(case, goal=goal, further=())
+            self._pursue(part, episode_id, progress, len(case.goals))
+            if not progress.reached:
                 break
 
-    def _pursue(self, case: ScenarioScene, episode_id: int, progress: Progress) -> None:
+    def _pursue(
+        self, case: ScenarioScene, episode_id: int, progress: Progress, most_goals: int
+    ) -> None:
         """Give the goal of a case, and follow what happens until the planner is done with it.
 
         Where a crash may have swallowed the last news of the goal, it is given again.
         """
         goal = self._give_goal(case, episode_id)
-        progress.begin(goal.goal_id, case)
+        progress.begin(goal.goal_id, case, most_goals)
         given = time.monotonic()
 
         def over() -> bool:
@@ -285,9 +285,9 @@ class Director(Node):
             raise error_from_reply(reply.error_code, f"{name}: {reply.error_message}")
         return reply
 
-    def _reset(self, case: ScenarioScene, view: EpisodeView) -> int:
+    def _reset(self, case: ScenarioScene, progress: Progress) -> int:
         scene = self.call("reset_scene", reset_request(case)).scene
-        view.at(distance(case, scene))
+        progress.at(distance(case, scene))
         if (sight := self._sight) is None:
             return int(scene.episode_id)
         sight.show(case)

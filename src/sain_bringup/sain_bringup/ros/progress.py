@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 from rclpy.client import Client
 from rclpy.node import Node
 
-from sain_bringup.display import EpisodeView
+from sain_bringup.display import Display
 from sain_bringup.graph import MODEL, OUTLINES, PLANNER, RECORDER, SCENES, SEEING, SIMULATOR, TAGS
 from sain_core.errors import ErrorCode
 from sain_core.wire import decode_disks
@@ -20,52 +20,67 @@ from sain_mppi.commands import mppi_node
 from sain_sim.commands import sim_node
 from sain_vision import commands as commands_of_vision
 
+SHOWN_DISTANCES: Final = 8  # of an episode, in one line
 LOST: Final = 5.0  # [s] after which what was not heard has got lost, where a process has crashed
 
 
 class Progress:
-    """The pushes of one episode and what became of them; shown as the news comes in.
+    """One episode as it is played and shown: its pushes, and what became of them.
 
     Attributes:
+        reached: whether the planner has reached the latest goal.
+        goals: how many were reached in a row.
         heard_at: the time [s] of the last news that brought the goal nearer, or began it.
     """
 
-    def __init__(self, view: EpisodeView, clock: Callable[[], float] = time.monotonic) -> None:
-        self._view = view
-        self._clock = clock
+    def __init__(
+        self, display: Display, name: str, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._display, self._name, self._clock = display, name, clock
         self._case: ScenarioScene | None = None
-        self._goal_id = 0
-        self._last_sent = 0
+        self._goal_id = self._last_sent = 0
         self._sent: set[int] = set()  # ids of pushes: those planned for this goal, ...
         self._answered: set[int] = set()  # ... and those with a result
+        self._distances: list[float] = []  # [m] from the goal, at the start and after each push
+        self._fallbacks = 0  # pushes that were planned without the model
+        self._ended, self._why = False, ""
+        self.reached, self.goals, self._most_goals = False, 0, 0
         self.heard_at = clock()
+        self._show()
 
-    def begin(self, goal_id: int, case: ScenarioScene) -> None:
-        """Follow the goal of a case, which has this id."""
-        self._goal_id, self._case = goal_id, case
+    def begin(self, goal_id: int, case: ScenarioScene, most_goals: int = 1) -> None:
+        """Follow the goal of a case, which has this id, the next of so many in a row."""
+        self._goal_id, self._case, self._most_goals = goal_id, case, most_goals
         self._sent.clear()
-        self._last_sent = 0
+        self._last_sent, self._ended, self.reached = 0, False, False
         self.heard_at = self._clock()
+
+    def at(self, distance: float) -> None:
+        """Take note of the distance [m] from the goal, at the start and after each push."""
+        self._display.begun += not self._distances
+        self._distances.append(distance)
+        self._show()
 
     def on_plan(self, plan: Plan) -> None:
         """Take note of a plan for the goal; others are passed over."""
         if plan.goal_id != self._goal_id:
             return
-        view = self._view
         if plan.status == Plan.PUSH:
             self._sent.add(plan.push_id)
             self._last_sent = plan.push_id
-            view.planned(plan.planning_time, plan.fallback, plan.error_message)
-            return
-        if view.ending:  # the goal was given twice
-            return
-        self.heard_at = self._clock()
-        if plan.status == Plan.REACHED:
-            view.end(reached=True)
-        elif plan.status == Plan.EXHAUSTED:
-            view.end(reached=False, why=f"no pushes left of {len(self._sent)}")
-        else:
-            view.end(reached=False, why=plan.error_message or "the planner found no push")
+            self._show(f"planned in {1e3 * plan.planning_time:.0f} ms, pushing")
+            if plan.fallback and not self._fallbacks:
+                why = plan.error_message
+                self._display.note(f"{self._name}  planned with physics alone: {why}")
+            self._fallbacks += plan.fallback
+        elif not self._ended:  # else the goal was given twice
+            self.heard_at, self._ended = self._clock(), True
+            self.reached = plan.status == Plan.REACHED
+            self.goals += self.reached
+            if plan.status == Plan.EXHAUSTED:
+                self._why = f"no pushes left of {len(self._sent)}"
+            elif not self.reached:
+                self._why = plan.error_message or "the planner found no push"
 
     def on_result(self, result: PushResult) -> None:
         """Take note of what became of a push."""
@@ -73,9 +88,9 @@ class Progress:
         self._answered.add(result.push_id)
         self.heard_at = self._clock()
         if result.error_code == ErrorCode.OK:
-            self._view.at(distance(self._case, result.after))
+            self.at(distance(self._case, result.after))
         else:
-            self._view.refuse(result.error_message)
+            self._display.note(f"{self._name}  a push was refused: {result.error_message}")
 
     def is_over(self, back_at: float) -> bool:
         """Tell whether the planner is done, and so is the last push it sent: news may overtake.
@@ -84,11 +99,39 @@ class Progress:
         that has no answer so long after that was carried out by a process that died before it
         told of it.
         """
-        if not self._view.ending:
+        if not self._ended:
             return False
         before = self._clock() - LOST
         lost = -inf < back_at < before and self.heard_at < before
         return lost or self._last_sent in (0, *self._answered)
+
+    def end(self) -> None:
+        """Print the outcome."""
+        self._display.outcome(self.reached, self._name, self.summary())
+
+    def summary(self) -> str:
+        """Return the line that stays."""
+        noun = "push  " if self._pushes == 1 else "pushes"
+        several = self._most_goals > 1
+        why = f"  {self.goals} of {self._most_goals} goals in a row" if several else ""
+        why += f"  {self._why}" if self._why else ""
+        why += f"  ({self._fallbacks} without the model)" if self._fallbacks else ""
+        return f"{self._pushes:2d} {noun}  {self._way()}{why}"
+
+    @property
+    def _pushes(self) -> int:
+        return max(0, len(self._distances) - 1)
+
+    def _show(self, doing: str = "planning") -> None:
+        way, most = self._way() or "resetting", self._most_goals
+        goal = f"goal {self.goals + 1} of {most}  " if most > 1 else ""
+        self._display.status(f"{self._name}  {goal}{way}  push {self._pushes + 1}: {doing}")
+
+    def _way(self) -> str:
+        shown = [f"{1e3 * distance:.0f}" for distance in self._distances]
+        if len(shown) > SHOWN_DISTANCES:
+            shown[1 : 1 - SHOWN_DISTANCES] = ["…"]
+        return f"{' → '.join(shown)} mm" if shown else ""
 
 
 def distance(case: ScenarioScene, message: Scene) -> float:
