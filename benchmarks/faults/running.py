@@ -19,7 +19,7 @@ import numpy as np
 from rich.console import Console
 
 from sain_bringup.children import RestartLimits
-from sain_bringup.display import Display, EpisodeView
+from sain_bringup.display import Display
 from sain_bringup.graph import (
     MODEL,
     PLANNER,
@@ -32,6 +32,7 @@ from sain_bringup.graph import (
 )
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.ros.director import Director
+from sain_bringup.ros.progress import Progress
 from sain_core.errors import ErrorCode, SainError
 from sain_core.ros.node_main import ros_context
 from sain_core.ros.qos import QUEUE
@@ -118,13 +119,12 @@ class Graph:
     interference: Callable[[], None] = lambda: None
     seed: int = 0
 
-    def play(self) -> EpisodeView:
+    def play(self) -> None:
         """Play the next episode; raises `SainError` where it does not come to its end."""
         scene = SCENARIOS["anywhere"].scene(self.seed)
         self.seed += 1
-        view = EpisodeView(Display(Console(file=io.StringIO())), "")
-        self.director.play(scene, TOLERANCE, view)
-        return view
+        progress = Progress(Display(Console(file=io.StringIO())), "")
+        self.director.play(scene, TOLERANCE, progress)
 
     def process(self, name: str) -> int:
         """Return the number of a process."""

@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, InvalidInputError
-from sain_vision.detection.board import board_corners, match_board
-from sain_vision.detection.calibration import Look, calibrate
+from sain_vision.detection.calibration import Look, board_corners, calibrate, match_board
 from sain_vision.detection.planar_fit import turned
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.optics import CameraModel
-from sain_vision.printing.pdf import pdf_of
-from sain_vision.printing.sheets import board_sheet, tag_sheets
+from sain_vision.printing import board_sheet, pdf_of, tag_sheets
 from sain_vision.ros.calibrate_camera import CalibrateOptions
 from tests.sain_vision.pictures import CAMERA
 

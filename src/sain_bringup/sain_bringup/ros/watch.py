@@ -5,7 +5,6 @@ import time
 from array import array
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import tyro
@@ -18,7 +17,6 @@ from sain_core.guarding.plugins import nearest
 
 if TYPE_CHECKING:
     from rclpy.node import Node
-    from rclpy.qos import QoSProfile
 
 PROGRAM: Final = "ros2 run sain_bringup watch"
 QUIET: Final = 1.0  # [s] without a new topic: all are seen
@@ -81,6 +79,7 @@ class Watcher:
 
         Raises:
             ConfigError: nobody publishes it.
+            InvalidInputError: the package of its type is not installed here.
         """
         name = self.node.resolve_topic_name(topic)
         deadline = time.monotonic() + timeout_s
@@ -92,7 +91,12 @@ class Watcher:
             self.spin()
             if (topics := self.topics()).keys() != seen.keys():
                 seen, since = topics, time.monotonic()
-        qos = matching_qos([publisher.qos_profile for publisher in publishers])
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+        from sain_bags.ros.endpoints import message_class
+
+        best = ReliabilityPolicy.BEST_AVAILABLE, DurabilityPolicy.BEST_AVAILABLE
+        qos = QoSProfile(depth=100, reliability=best[0], durability=best[1])
         kind = message_class(publishers[0].topic_type)
         self.node.create_subscription(kind, name, self._on_message, qos)
 
@@ -117,31 +121,6 @@ def is_misspelt(name: str, topics: Collection[str]) -> bool:
     namespace, _, own = name.rpartition("/")
     others = [t.rpartition("/")[2] for t in topics if t.rpartition("/")[0] == namespace]
     return bool(nearest(own, others, ALIKE))
-
-
-def matching_qos(offered: "list[QoSProfile]") -> "QoSProfile":
-    """Return a profile that gets all that these publishers give."""
-    from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-
-    asked = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    if any(qos.durability != DurabilityPolicy.TRANSIENT_LOCAL for qos in offered):
-        asked.durability = DurabilityPolicy.VOLATILE
-    if any(qos.reliability != ReliabilityPolicy.RELIABLE for qos in offered):
-        asked.reliability = ReliabilityPolicy.BEST_EFFORT
-    return asked
-
-
-def message_class(type_name: str) -> Any:
-    """Return the class of a type like ``sain_interfaces/msg/Scene``.
-
-    Raises:
-        ConfigError: its package is not installed here.
-    """
-    package, group, name = type_name.split("/")
-    try:
-        return getattr(import_module(f"{package}.{group}"), name)
-    except (ImportError, AttributeError) as error:
-        raise ConfigError(f"type {type_name} is not installed here: {error}") from error
 
 
 def lines(message: Any, indent: str = "") -> Iterator[str]:

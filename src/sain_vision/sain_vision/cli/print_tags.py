@@ -12,8 +12,7 @@ from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
-from sain_vision.printing.pdf import pdf_of
-from sain_vision.printing.sheets import PAPERS, board_sheet, tag_sheets
+from sain_vision.printing import PAPERS, board_sheet, pdf_of, tag_sheets
 
 MOST: Final = 200  # tags in a file
 RANGE: Final = re.compile(r"([0-9]{1,99})(?:-([0-9]{1,99}))?")

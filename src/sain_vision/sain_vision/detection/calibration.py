@@ -3,9 +3,11 @@
 In the first look the board lies where the world has a known place. In the others it lies anywhere
 on the table; their places are unknown, and all that counts is that the board is flat and rigid. So
 looks far apart show errors of the camera's tilt, height and lens, which one look hides.
+
+The board has tags in rows, whose numbers count up from the lower left one on, where its origin is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final, NamedTuple
 
@@ -16,10 +18,18 @@ from numpy import ndarray
 from scipy.optimize import least_squares
 
 from sain_core.errors import InvalidInputError
+from sain_core.shapes.body_file import Tag
 from sain_core.types import Points
 from sain_vision.detection.planar_fit import fit_pose, turned
 from sain_vision.optics import CameraModel, Pixels, check_view
 
+BOARD_FAMILY: Final = "36h11"
+FIRST: Final = 500  # number of the board's first tag
+COLUMNS, ROWS = 5, 6
+SIZE: Final = 0.028  # [m], side of a tag
+GAP: Final = 0.008  # [m], between tags
+STEP: Final = SIZE + GAP
+EXTENT: Final = (COLUMNS * STEP, ROWS * STEP)  # [m], width and height from the origin
 FEWEST_TAGS: Final = 8  # of the board, in each look
 COVERAGE: Final = 0.25  # share of the image's width and height that all looks span
 Pose = Float[ndarray, "3"]
@@ -30,6 +40,29 @@ class Look(NamedTuple):
 
     points: Points
     pixels: Pixels
+
+
+def board_corners() -> dict[int, Points]:
+    """Return the corners (4, 2) [m] of each tag in the board's frame, by its number."""
+    middle = GAP + SIZE / 2
+    return {
+        FIRST + row * COLUMNS + column: Tag(
+            0, SIZE, middle + column * STEP, middle + row * STEP
+        ).corners()
+        for row in range(ROWS)
+        for column in range(COLUMNS)
+    }
+
+
+def match_board(found: Mapping[int, Sequence[ndarray]]) -> Look:
+    """Return the look at the board of tags that were found once."""
+    own = board_corners()
+    numbers = [number for number in own if len(found.get(number, ())) == 1]
+    nothing = np.zeros((0, 2))
+    return Look(
+        np.concatenate([nothing, *(own[number] for number in numbers)]),
+        np.concatenate([nothing, *(found[number][0] for number in numbers)]),
+    )
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,14 @@ from sain_core.config import Config, check_angle, check_text, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.untrusted import check_frame
 from sain_core.output import OVERWRITE_HELP, claim_file
-from sain_vision.detection import board
-from sain_vision.detection.calibration import FEWEST_TAGS, Look, calibrate
+from sain_vision.detection.calibration import (
+    BOARD_FAMILY,
+    FEWEST_TAGS,
+    Look,
+    board_corners,
+    calibrate,
+    match_board,
+)
 from sain_vision.detection.tags import TagConfig, TagFinder
 from sain_vision.extrinsics_file import Extrinsics, write_extrinsics
 from sain_vision.optics import TABLE, turn_of
@@ -59,7 +65,7 @@ def run(options: CalibrateOptions, console: Console) -> None:
     from sain_vision.ros.images import decode_grey
 
     claim_file(options.out, options.overwrite)
-    finder = TagFinder(TagConfig(family=board.FAMILY))
+    finder = TagFinder(TagConfig(family=BOARD_FAMILY))
     looks: list[Look] = []
     with command_node("calibrate_camera") as node:
         watcher = ImageWatcher(node)
@@ -71,11 +77,11 @@ def run(options: CalibrateOptions, console: Console) -> None:
             frame = check_frame(
                 "frame_id of images", check_text("frame_id of images", message.header.frame_id)
             )
-            points, pixels = board.match_board(finder.find(decode_grey(message)))
-            count = f"  {len(points) // 4} of {len(board.board_corners())} tags"
+            look = match_board(finder.find(decode_grey(message)))
+            count = f"  {len(look.points) // 4} of {len(board_corners())} tags"
             console.print(count, *finder.problems, sep="; ")
-            if len(points) >= 4 * FEWEST_TAGS:
-                looks.append(Look(points, pixels))
+            if len(look.points) >= 4 * FEWEST_TAGS:
+                looks.append(look)
     limits = options.max_error, options.max_bias
     made = calibrate(camera, looks, np.array(options.origin), *limits)
     pose = Extrinsics(frame, "world", made.camera.place, turn_of(made.camera.rotation))

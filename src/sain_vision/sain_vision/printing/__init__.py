@@ -1,1 +1,0 @@
-"""Sheets to print, as PDF with true sizes."""
