@@ -26,16 +26,11 @@ class Planner:
 
     The algorithm is one of `sain_mppi.algorithms`. A plan depends on nothing but its arguments:
     what the last one leaves is given as a `WarmStart`.
-
-    Attributes:
-        model: to predict with.
-        config: settings.
-        careful: whether pushes near the goal are slow.
     """
 
-    model: RolloutModel
-    config: PlannerConfig = PlannerConfig()
-    careful: bool = True
+    model: RolloutModel  # to predict with
+    config: PlannerConfig = PlannerConfig()  # settings
+    careful: bool = True  # whether pushes near the goal are slow
 
     def plan(
         self,

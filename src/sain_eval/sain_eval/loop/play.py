@@ -91,8 +91,7 @@ class Play:
     ) -> Generator[PushDecision, PushRecord, None]:
         """Yield pushes towards one goal after another; each is to be answered with its record.
 
-        Raises:
-            ConfigError: the agent's settings or its cost are wrong, for every scene.
+        Raises `ConfigError`: the agent's settings or its cost are wrong, for every scene.
         """
         act(self._agent, EpisodeBegun(EPISODE, bodies))
         for number, goal in enumerate(goals, start=1):

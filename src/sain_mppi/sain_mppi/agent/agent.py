@@ -112,9 +112,8 @@ class Agent:
         self._clock = clock
         patience = config.result_patience
         self._tracker = GoalTracker(config.max_refusals, config.answer_timeout, patience, clock)
-        self._estimator: Estimator | None = None  # exact scenes need none
-        if not config.estimator.is_exact:
-            self._estimator = Estimator(config.estimator, patience, clock)
+        self._exact = config.estimator.is_exact  # scenes: nothing is estimated
+        self._estimator = Estimator(config.estimator, patience, clock)
         self._push_ids = push_ids()
         self._episode = 0  # of the latest scene
         self._begun = 0.0  # when the episode of the latest event began [s]
@@ -162,7 +161,7 @@ class Agent:
             case SceneObserved():
                 self._observe(event)
             case PushEnded():
-                if event.record is not None and self._estimator is None:
+                if event.record is not None and self._exact:
                     self._remember(event.episode_id, event.record)  # else only own, as estimated
                 self._end_push(event.push_id, event.code, event.time)
             case GoalGiven():
@@ -211,7 +210,7 @@ class Agent:
             return
         self._episode = scene.episode_id
         scene = replace(scene, received=self._clock())
-        if self._estimator is None:
+        if self._exact:
             self._tracker.observe(scene)
             return
         self._estimator.observe(scene)
@@ -233,8 +232,7 @@ class Agent:
         self._history = episode_id, history.latest(MOST_PUSHES)
 
     def _end_push(self, push_id: int, code: int, time: float) -> None:
-        if self._estimator is not None:
-            self._estimator.ended(push_id, code, time)
+        self._estimator.ended(push_id, code, time)
         self._tracker.ended(push_id, code)
 
     def _cancel(self, event: GoalCancelled) -> tuple[Action, ...]:
@@ -293,12 +291,11 @@ class Agent:
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""
-        estimator = self._estimator
-        estimated = None if estimator is None else estimator.estimate(self.bodies_of)
-        if estimator is None or estimated is None:
+        estimated = self._estimator.estimate(self.bodies_of)
+        if estimated is None:
             return
-        if estimator.executed is not None:
-            self._remember(estimated.episode_id, estimator.executed)
+        if self._estimator.executed is not None:
+            self._remember(estimated.episode_id, self._estimator.executed)
         self._tracker.observe(estimated)
 
     def _decide(self, job: PlanJob) -> Decided:
@@ -322,8 +319,7 @@ class Agent:
             return (outcome,)
         sent = replace(outcome, push_id=next(self._push_ids))
         self._tracker.sent(sent.push_id, sent.push)
-        if self._estimator is not None:
-            self._estimator.sent(sent)
+        self._estimator.sent(sent)
         self._ahead, self._completing = job, True
         return (
             sent,
@@ -332,9 +328,7 @@ class Agent:
         )
 
     def _complete(self, decision: PushDecision) -> Completed:
-        completed = self.decider.complete(decision)
-        estimator = self._estimator
-        return Completed(completed if estimator is None else estimator.completed(completed))
+        return Completed(self._estimator.completed(self.decider.complete(decision)))
 
     def _prepare(self, decision: PushDecision) -> Prepared:
         """Work ahead. The same work in the same order gives the same pushes."""

@@ -49,27 +49,16 @@ class DeadEnd:
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """The straight way of the body that is farthest from its pose, and who has to push it.
+    """The straight way of the body that is farthest from its pose, and who has to push it."""
 
-    Attributes:
-        problem: scene and goal.
-        body: the body.
-        pusher: the body that the tool pushes: itself, or another one.
-        place: where the body is.
-        left: how far its place is [m].
-        direction: which way that is.
-        behind: where the pushing body has to be, or the tool where the body is pushed itself.
-        stand: where the tool has to stand.
-    """
-
-    problem: Problem
-    body: int
-    pusher: int
-    place: Place
-    left: float
-    direction: Place
-    behind: Place
-    stand: Place
+    problem: Problem  # scene and goal
+    body: int  # the body
+    pusher: int  # the body that the tool pushes: itself, or another one
+    place: Place  # where the body is
+    left: float  # how far its place is [m]
+    direction: Place  # which way that is
+    behind: Place  # where the pushing body has to be, or the tool where the body is pushed itself
+    stand: Place  # where the tool has to stand
 
     @classmethod
     def of(cls, problem: Problem) -> "Way":

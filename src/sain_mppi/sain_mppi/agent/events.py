@@ -53,27 +53,16 @@ class EpisodeBegun:
 
 @dataclass(frozen=True, eq=False)
 class SceneObserved:
-    """A scene (N, 8), with the ids by which pushes refer to it.
+    """A scene (N, 8), with the ids by which pushes refer to it."""
 
-    Attributes:
-        scene: (N, 8).
-        episode_id: of its episode.
-        scene_id: changes with each push.
-        settled: whether the bodies are at rest.
-        time: of the observation [s], by the clock of the results.
-        bodies_follow: its episode has an `EpisodeBegun`, which may not have come yet.
-        received: when it arrived [s], by the agent's own clock; the agent fills it in.
-        uncertainty: of the poses; None: they are exact.
-    """
-
-    scene: Scene
-    episode_id: int
-    scene_id: int
-    settled: bool = True
-    time: float = 0.0
-    bodies_follow: bool = False
-    received: float = 0.0
-    uncertainty: Uncertainty | None = None
+    scene: Scene  # (N, 8)
+    episode_id: int  # of its episode
+    scene_id: int  # changes with each push
+    settled: bool = True  # whether the bodies are at rest
+    time: float = 0.0  # of the observation [s], by the clock of the results
+    bodies_follow: bool = False  # its episode has an `EpisodeBegun`, which may not have come yet
+    received: float = 0.0  # when it arrived [s], by the agent's own clock; the agent fills it in
+    uncertainty: Uncertainty | None = None  # of the poses; None: they are exact
 
     @property
     def key(self) -> tuple[int, int]:
@@ -83,21 +72,13 @@ class SceneObserved:
 
 @dataclass(frozen=True, eq=False)
 class PushEnded:
-    """A push, whoever sent it, was executed or refused.
+    """A push, whoever sent it, was executed or refused."""
 
-    Attributes:
-        push_id: of the push.
-        code: of `sain_core.errors.ErrorCode`; OK: it was executed.
-        time: when it ended [s], by the clock of the scenes.
-        record: of a push that was executed; None: its scenes are unknown.
-        episode_id: of the record.
-    """
-
-    push_id: int
-    code: int = ErrorCode.OK
-    time: float = 0.0
-    record: PushRecord | None = None
-    episode_id: int = 0
+    push_id: int  # of the push
+    code: int = ErrorCode.OK  # of `sain_core.errors.ErrorCode`; OK: it was executed
+    time: float = 0.0  # when it ended [s], by the clock of the scenes
+    record: PushRecord | None = None  # of a push that was executed; None: its scenes are unknown
+    episode_id: int = 0  # of the record
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,26 +103,17 @@ class TimePassed:
 
 @dataclass(frozen=True, eq=False)
 class PlanJob:
-    """One settled scene to decide on, for one goal.
+    """One settled scene to decide on, for one goal."""
 
-    Attributes:
-        task: the goal.
-        observed: the scene, as it was observed.
-        problem: scene and goal, checked.
-        session: a number that changes with goal and episode, and after a refusal for the scene:
-            what a decider keeps from job to job holds within one session.
-        pushes: sent for this goal before, without refused ones.
-        history: the episode's earlier pushes.
-        cancelled: set once the decision is no longer wanted.
-    """
-
-    task: Task
-    observed: SceneObserved
-    problem: Problem
+    task: Task  # the goal
+    observed: SceneObserved  # the scene, as it was observed
+    problem: Problem  # scene and goal, checked
+    # a number that changes with goal and episode, and after a refusal for the scene: what a decider
+    # keeps from job to job holds within one session
     session: int
-    pushes: int
-    history: PushHistory = field(default_factory=PushHistory.empty)
-    cancelled: Flag = field(default_factory=Flag)
+    pushes: int  # sent for this goal before, without refused ones
+    history: PushHistory = field(default_factory=PushHistory.empty)  # the episode's earlier pushes
+    cancelled: Flag = field(default_factory=Flag)  # set once the decision is no longer wanted
 
     @cached_property
     def judgement(self) -> Judgement:
@@ -190,32 +162,21 @@ class PlanJob:
 
 @dataclass(frozen=True, eq=False)
 class PushDecision:
-    """A push to carry out, and what it rests on.
+    """A push to carry out, and what it rests on."""
 
-    Attributes:
-        job: what was decided on.
-        push: (5,).
-        plan: the plan that the push begins; None: it was not planned.
-        failure: why physics planned in place of the model; None: the model did.
-        warning: why the plan is wider than by default; empty: it is not.
-        last_errors: (N,) [m], from where the push before should have led to where it led; None:
-            there was none, or nobody compares.
-        last_expected: (N,) [m], errors up to these are expected.
-        push_id: of the push, once the agent counts it as sent.
-        settings: what was planned with; None: it was not planned.
-        dead_end: why pushes bring a body no nearer; None: they do.
-    """
-
-    job: PlanJob
-    push: PushArray
-    plan: PlanResult | None = None
+    job: PlanJob  # what was decided on
+    push: PushArray  # (5,)
+    plan: PlanResult | None = None  # the plan that the push begins; None: it was not planned
+    # why physics planned in place of the model; None: the model did
     failure: SainError | None = None
-    warning: str = ""
+    warning: str = ""  # why the plan is wider than by default; empty: it is not
+    # (N,) [m], from where the push before should have led to where it led; None: there was none, or
+    # nobody compares
     last_errors: Scalars | None = None
-    last_expected: Scalars | None = None
-    push_id: int = 0
-    settings: PlannerConfig | None = None
-    dead_end: DeadEnd | None = None
+    last_expected: Scalars | None = None  # (N,) [m], errors up to these are expected
+    push_id: int = 0  # of the push, once the agent counts it as sent
+    settings: PlannerConfig | None = None  # what was planned with; None: it was not planned
+    dead_end: DeadEnd | None = None  # why pushes bring a body no nearer; None: they do
 
     @property
     def predicted(self) -> Scene | None:
@@ -281,13 +242,10 @@ class Computation:
     """What takes long. Its event goes back to `Agent.update`.
 
     An agent's computations run in the order in which it asks for them, on any one thread.
-
-    Attributes:
-        run: compute, and return the event.
-        failed: return the event that replaces it, if `run` raised what it never should.
     """
 
-    run: Callable[[], Event]
+    run: Callable[[], Event]  # compute, and return the event
+    # return the event that replaces it, if `run` raised what it never should
     failed: Callable[[BaseException], Event]
 
 

@@ -41,9 +41,8 @@ class Decider(ABC):
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Choose a push; the same jobs and generators give the same pushes.
 
-        Raises:
-            CancelledError: the job was cancelled.
-            SainError: there is no push to make, and why.
+        Raises `CancelledError`: the job was cancelled; `SainError`: there is no push to make, and
+        why.
         """
 
     def prepare(self, decision: PushDecision, generator: np.random.Generator) -> bool:
@@ -68,14 +67,11 @@ class Decider(ABC):
 
 @dataclass
 class Patience:
-    """How long a plan waits for its model; shared with a model that answers from elsewhere.
+    """How long a plan waits for its model; shared with a model that answers from elsewhere."""
 
-    Attributes:
-        until: a model that has not answered by this `time.monotonic` fails; None: no limit.
-        cancelled: once it is set, the plan ends with `CancelledError`.
-    """
-
+    # a model that has not answered by this `time.monotonic` fails; None: no limit
     until: float | None = None
+    # once it is set, the plan ends with `CancelledError`
     cancelled: Event = field(default_factory=Event)
 
 
@@ -104,10 +100,8 @@ class PlanningDecider(Decider):
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
         """Plan from the job's scene and take the first push.
 
-        Raises:
-            CancelledError: the job was cancelled.
-            NoPushError, NoProgressError: there is no push to make.
-            SainError: model and physics failed.
+        Raises `CancelledError`: the job was cancelled; `NoPushError` or `NoProgressError`: there is
+        no push to make; `SainError`: model and physics failed.
         """
         config, monitor = self._config, self._monitor
         started, time = monotonic(), config.deadline

@@ -65,17 +65,11 @@ class EstimatorConfig(ObservationConfig):
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """How certain the poses of N bodies are: standard deviations of normal errors.
+    """How certain the poses of N bodies are: standard deviations of normal errors."""
 
-    Attributes:
-        places: (N,) [m], of each coordinate.
-        turns: (N,) [rad].
-        confidence: least probability with which a goal counts as reached.
-    """
-
-    places: Scalars
-    turns: Scalars
-    confidence: float = 1.0
+    places: Scalars  # (N,) [m], of each coordinate
+    turns: Scalars  # (N,) [rad]
+    confidence: float = 1.0  # least probability with which a goal counts as reached
 
     def within(self, body: int, distance: float, tolerance: float) -> float:
         """Return the probability that a body, seen so far from a place, is within a tolerance [m].
@@ -112,8 +106,7 @@ class Uncertainty:
     def check_tolerance(self, goal: Goal) -> None:
         """Check that a goal counts as reached where the bodies are seen exactly at it.
 
-        Raises:
-            OutOfRangeError: its tolerances are too small for that.
+        Raises `OutOfRangeError`: its tolerances are too small for that.
         """
         nothing = np.zeros(len(goal.poses))
         there = Judgement(goal, nothing, nothing, np.zeros(0), at_rest=True, on_table=True)

@@ -29,8 +29,7 @@ ALGORITHMS: Final[Mapping[str, Algorithm]] = {
 def find_algorithm(name: str) -> Algorithm:
     """Return the algorithm of this name, which an installed package may offer.
 
-    Raises:
-        ConfigError: no package offers it, two do, or its package fails.
+    Raises `ConfigError`: no package offers it, two do, or its package fails.
     """
     if name in ALGORITHMS:
         return ALGORITHMS[name]

@@ -171,19 +171,13 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class WarmStart:
-    """What a plan leaves for the next one; nothing before the first.
+    """What a plan leaves for the next one; nothing before the first."""
 
-    Attributes:
-        sequences: (E, H, 5), good ones, the best first.
-        scene: (N, 8), that they begin from.
-        goal: that they were planned for.
-        prepared: (E, H, 5), planned for the scene that is expected next.
-    """
-
+    # (E, H, 5), good ones, the best first
     sequences: PushSequences = field(default_factory=lambda: idle_pushes(0, 0))
-    scene: Scene | None = None
-    goal: Goal | None = None
-    prepared: PushSequences | None = None
+    scene: Scene | None = None  # (N, 8), that they begin from
+    goal: Goal | None = None  # that they were planned for
+    prepared: PushSequences | None = None  # (E, H, 5), planned for the scene that is expected next
 
 
 @dataclass(frozen=True)

@@ -133,8 +133,7 @@ class Search:
         `draw` returns about as many sequences as it is asked for, the dearest to it first. Uniform
         draws are added where most of them are blocked.
 
-        Raises:
-            NoPushError: no first push is permitted.
+        Raises `NoPushError`: no first push is permitted.
         """
         sequences = draw(SURPLUS * count)
         sequences = sequences[self.permitted(sequences[:, 0])]

@@ -111,8 +111,7 @@ class Objective:
 
         They are not finite where the prediction is not.
 
-        Raises:
-            ConfigError: a term that an installed package offers fails.
+        Raises `ConfigError`: a term that an installed package offers fails.
         """
         rollout = Rollout.of(self, sequences, predicted)
         terms = {"position": position(rollout, self)}
@@ -332,9 +331,8 @@ TERMS: Final[tuple[Cost, ...]] = (
 def find_cost(name: str) -> tuple[EntryPoint, Cost]:
     """Return the cost term of this name that an installed package offers, and who offers it.
 
-    Raises:
-        ConfigError: no package offers it, two do, its package fails, or a term of SAIN has
-            this name.
+    Raises `ConfigError`: no package offers it, two do, its package fails, or a term of SAIN has
+    this name.
     """
     entry, cost = COSTS.function(name)
     if name in {"position", *(term.__name__ for term in TERMS)}:

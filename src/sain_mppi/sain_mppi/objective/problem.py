@@ -31,25 +31,15 @@ SLIDE: Final = 0.03  # [m], how far bodies may slide on behind a tool that stops
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """A settled scene and a goal. `of` checks them; nobody else does.
+    """A settled scene and a goal. `of` checks them; nobody else does."""
 
-    Attributes:
-        scene: (N, 8); disks that seemed to overlap a little just touch.
-        goal: poses of bodies.
-        bodies: shapes and roles, of N bodies.
-        start: (N, 8), the scene in which the goal was given.
-        feasibility: what the arm can do.
-        refused: (5,) each, pushes that were refused from this scene.
-        shortest: [m], a first push moves its body by more: less would be lost in noise.
-    """
-
-    scene: Scene
-    goal: Goal
-    bodies: Bodies
-    start: Scene
-    feasibility: Feasibility
-    refused: tuple[PushArray, ...] = ()
-    shortest: float = 0.0
+    scene: Scene  # (N, 8); disks that seemed to overlap a little just touch
+    goal: Goal  # poses of bodies
+    bodies: Bodies  # shapes and roles, of N bodies
+    start: Scene  # (N, 8), the scene in which the goal was given
+    feasibility: Feasibility  # what the arm can do
+    refused: tuple[PushArray, ...] = ()  # (5,) each, pushes that were refused from this scene
+    shortest: float = 0.0  # [m], a first push moves its body by more: less would be lost in noise
 
     @classmethod
     def of(
@@ -62,10 +52,9 @@ class Problem:
     ) -> Self:
         """Return the problem of a scene (N, 8) as observed; without a start, it is that, too.
 
-        Raises:
-            InvalidInputError: a scene or goal that cannot exist, or that is about other bodies.
-            OffTableError: the goal, or a body, is not on the table.
-            UnreachableError: the arm cannot push a body to its pose from any side.
+        Raises `InvalidInputError`: a scene or goal that cannot exist, or that is about other
+        bodies; `OffTableError`: the goal, or a body, is not on the table; `UnreachableError`: the
+        arm cannot push a body to its pose from any side.
         """
         first, bodies = scene if start is None else start, bodies.fitted(len(scene))
         if len(bodies) != len(scene):
@@ -117,8 +106,7 @@ class Problem:
         The tool then stands behind the body, or behind another one that pushes it, but for as far
         as bodies slide on. A body that is there already needs no push.
 
-        Raises:
-            UnreachableError: from no side.
+        Raises `UnreachableError`: from no side.
         """
         away = self.goal.errors(self.scene, self.bodies)[0]
         for pose, pusher, apart in zip(self.goal.poses, self.pushers, away, strict=True):

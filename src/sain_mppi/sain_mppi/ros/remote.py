@@ -101,9 +101,8 @@ class RemoteRollout:
     def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
         """Predict scenes (K, H, N, 8) for push sequences (K, H, 5) from one scene (N, 8).
 
-        Raises:
-            ModelUnavailableError: nobody serves, answers in time, or answers what was asked.
-            CancelledError: the answer is no longer wanted.
+        Raises `ModelUnavailableError`: nobody serves, answers in time, or answers what was asked;
+        `CancelledError`: the answer is no longer wanted.
         """
         response = self._ask(self._request(scene, pushes))
         shape = (*pushes.shape[:2], len(scene))
@@ -119,8 +118,7 @@ class RemoteRollout:
 
         The model predicts once more; see `sain_core.model.Model`.
 
-        Raises:
-            ModelUnavailableError: as `rollout`.
+        Raises `ModelUnavailableError`: as `rollout`.
         """
         request = self._request(scene, pushes)
         request.with_regions = True

@@ -38,8 +38,7 @@ class Notes:
     def __init__(self, node: Node, path: str) -> None:
         """Keep them at this path, and begin with what is there; empty: keep nothing.
 
-        Raises:
-            DatasetError: what is there is damaged.
+        Raises `DatasetError`: what is there is damaged.
         """
         self._file = StateFile(node, path)
         self.goal: Goal | None = None
