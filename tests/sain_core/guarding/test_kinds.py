@@ -22,7 +22,6 @@ FILES = {
     "empty.mcap": (b"", r"is empty \(0 bytes\)"),
     "zeros.mcap": (bytes(4096), "begins with zeros only"),
     "README.md": ("# Überschrift\n".encode(), "is a text file, not a recording; give a bag"),
-    "old.bag": (b"#ROSRECORD V1.2\n", "is a bag of ROS 1 before 2010; `rosbag fix`"),
     "arm.urdf": (b'<?xml version="1.0"?>\n<robot name="a"/>', "describes a robot"),
     "failed.mcap": (b"\n<!DOCTYPE html><html>", "is a web page, as failed downloads"),
     "metadata.yaml": (b"rosbag2_bagfile_information:\n", "describes a bag; name the folder"),

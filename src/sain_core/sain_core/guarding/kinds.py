@@ -3,7 +3,6 @@
 A file is recognised by its first bytes, whatever its name is.
 """
 
-import zipfile
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -14,28 +13,17 @@ from sain_core.guarding.untrusted import HEAD, STAND_INS, open_regular, stand_in
 
 MCAP: Final = b"\x89MCAP0\r\n"
 SQLITE: Final = b"SQLite format 3\0"
-PICTURE: Final = "is a picture; a bag has the extension .mcap or .db3"
 BEGINNINGS: Final = {  # of files: what they are, and what to do
     MCAP: "is an MCAP file: a recording; `sain info` shows it, `sain to_dataset` converts it",
     SQLITE: "is a sqlite3 file, perhaps of a bag; `sain to_dataset` converts bags",
-    b"#ROSRECORD": "is a bag of ROS 1 before 2010; `rosbag fix` of ROS 1 makes a newer one",
     b"#ROSBAG V": "is a bag of ROS 1; `rosbags-convert --src BAG --dst FOLDER` makes one of ROS 2",
     **STAND_INS,
-    b"\xd0\xcf\x11\xe0": "is a document of an old Office; save a table as CSV (UTF-8)",
     b"PK": "is a zip archive; `unzip FILE` unpacks it",
-    b"PAR1": "is a Parquet file: a data set, not a bag; pandas and polars read it",
-    b"\x89HDF": "is an HDF5 file: a data set of Minari, or MATLAB's, not a bag",
-    b"MATLAB": "is a MATLAB file; `sain real_import` takes recordings of pushes",
     b"\x93NUMPY": "is one array of NumPy (.npy): neither a bag nor a data set",
-    b"\x89PNG": PICTURE,
-    b"\xff\xd8\xff": PICTURE,
-    b"%PDF": "is a PDF file: neither a bag nor a data set",
-    b"\x7fELF": "is a program: neither a bag nor a data set",
 }
 NOT_CLOSED: Final = "is a bag without metadata.yaml: it was not closed; `sain info` says what to do"
 WANTED: Final = "give a bag (its folder, .mcap or .db3) or the folder of a data set"
-SHEETS: Final = ("xl/workbook.xml", "content.xml")  # in an .xlsx and in an .ods
-TAR: Final = (257, b"ustar")  # where it stands
+SHEETS: Final = (b"xl/", b"[Content_Types]", b"opendocument")  # how an .xlsx or .ods begins
 SHARDS: Final = "shard-*.npz"
 DATA_SET: Final = "is a data set of pushes, not a bag; "
 FOLDERS: Final = {  # a pattern of what is in a folder: what that is, and what to do
@@ -74,27 +62,16 @@ def describe(path: Path, texts: bool = True) -> str:
 
 
 def _kinds(path: Path, head: bytes, texts: bool) -> Iterator[str]:
-    if head.startswith(b"PK"):
-        yield from _archive(path)
+    if head.startswith(b"PK") and b".npy" in head:
+        yield "is a shard of a data set (.npz); `sain train` takes its folder"
+    if head.startswith(b"PK") and any(sign in head for sign in SHEETS):
+        yield "is a spreadsheet (.xlsx or .ods); save its table as CSV (UTF-8)"
     yield from (text for magic, text in BEGINNINGS.items() if head.startswith(magic))
-    if head[TAR[0] :].startswith(TAR[1]):
-        yield "is a tar archive; `tar xf FILE` unpacks it"
     with suppress(UnicodeDecodeError):
         if not texts:
             return
         # A character may be cut off at the end of what was read.
         yield from _texts(path, head.decode(errors="strict" if len(head) < HEAD else "ignore"))
-
-
-def _archive(path: Path) -> Iterator[str]:
-    """Recognise an npz file and a spreadsheet; of any other zip archive nothing is said."""
-    with suppress(zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
-        with zipfile.ZipFile(path) as archive:
-            names = archive.namelist()
-        if names and all(name.endswith(".npy") for name in names):
-            yield "is a shard of a data set (.npz); `sain train` takes its folder"
-        if any(name in SHEETS for name in names):
-            yield "is a spreadsheet (.xlsx or .ods); save its table as CSV (UTF-8)"
 
 
 def _texts(path: Path, text: str) -> Iterator[str]:
@@ -109,6 +86,4 @@ def _texts(path: Path, text: str) -> Iterator[str]:
         yield stands_in
     if path.suffix == ".csv":
         yield "is a table (CSV); `sain real_import` takes recordings of pushes"
-    if path.suffix in (".json", ".yaml", ".yml", ".xml"):
-        yield f"is {path.suffix[1:].upper()}, not a recording"
     yield f"is a text file, not a recording; {WANTED}"
