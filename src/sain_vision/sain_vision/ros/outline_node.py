@@ -6,11 +6,14 @@ from typing import Any
 import numpy as np
 from sensor_msgs.msg import Image, JointState
 
+from sain_arm.robot.robot import read_robot
+from sain_arm.ros.joint_listener import JointListener
 from sain_core.errors import BusyError
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import POSE, STATE_SIZE
 from sain_core.types import Mask
 from sain_interfaces.msg import Plan
+from sain_vision.detection.arm_mask import ArmMask
 from sain_vision.detection.outlines import OutlineFinder, Pose
 from sain_vision.detection.sighting import grey_of
 from sain_vision.optics import CameraModel
@@ -35,11 +38,6 @@ class OutlineNode(SightingNode):
         self.ready = f"outlines of {len(self.bodies.names)} bodies"
 
     def _listen_to_arm(self, config: OutlineNodeConfig) -> None:
-        # MuJoCo, which these need, is not there without a robot arm.
-        from sain_arm.robot.robot import read_robot
-        from sain_arm.ros.joint_listener import JointListener
-        from sain_vision.detection.arm_mask import ArmMask
-
         robot = read_robot(config.robot)
         self._joints, self._arm = JointListener(robot, config.max_age), ArmMask(robot)
         self.reception.listen(JointState, "/joint_states", self._joints.listen, RELIABLE)
