@@ -1,5 +1,6 @@
-"""Nothing is left running, whatever the processes do."""
+"""Nothing is left running, whatever processes do; what dies or hangs is restarted."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -34,6 +35,41 @@ print('up', flush=True)
 time.sleep(600)
 """
 
+LIVELY = """
+import time
+from sain_core.guarding import lifetime
+print("up", flush=True)
+lifetime.ready()
+while True:
+    lifetime.alive()
+    time.sleep(lifetime.heartbeat_period() or 0.25)
+"""
+SPINNING = """
+import time
+from sain_core.guarding import lifetime
+lifetime.ready()
+while True:  # as a callback does that never returns
+    pass
+"""
+
+JOINING = """
+import os, signal, sys, threading, time
+from sain_core.guarding import lifetime
+asked = []
+signal.signal(signal.SIGINT, lambda *_: asked.append(1))
+lifetime.ready()
+print("up", flush=True)
+while not asked:
+    lifetime.alive()
+    time.sleep(0.05)
+lifetime.stopping("joining the parts")
+until = time.monotonic() + 3.0  # longer than anything else may take
+while time.monotonic() < until and len(asked) < 2:
+    lifetime.alive()
+    time.sleep(0.05)
+print("joined" if len(asked) == 1 else "parts are left", flush=True)
+"""
+
 
 def python(code: str) -> list[str]:
     return [sys.executable, "-IS", "-c", code]
@@ -48,9 +84,12 @@ def gone(process_id: int) -> bool:
     return state == "Z"
 
 
-def until(condition: Callable[[], bool]) -> None:
-    deadline = time.monotonic() + 20.0
+def until(condition: Callable[[], bool], supervisor: Supervisor | None = None) -> None:
+    """Wait until something is so, and have a supervisor look after its processes meanwhile."""
+    deadline = time.monotonic() + 60.0
     while not condition():
+        if supervisor is not None:
+            supervisor.check()
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.01)
 
@@ -155,3 +194,104 @@ def test_a_command_that_does_not_exist_is_reported(tmp_path):
         until(lambda: supervisor.children[0].process.poll() is not None)
         with pytest.raises(ProcessDiedError, match="No such file"):
             supervisor.check()
+
+
+@pytest.fixture
+def told():
+    return []
+
+
+@pytest.fixture
+def supervisor(tmp_path, told):
+    with Supervisor(tmp_path, QUICK, tell=told.append) as made:
+        yield made
+
+
+def start(supervisor: Supervisor, code: str = LIVELY, name: str = "node") -> None:
+    command = [sys.executable, "-c", code]
+    supervisor.start(name, command, again=command)
+
+
+def wait_until_ready(supervisor: Supervisor) -> None:
+    until(lambda: not supervisor.starting([c.name for c in supervisor.children]), supervisor)
+
+
+def test_a_killed_process_is_restarted_and_that_is_told(supervisor, told, tmp_path):
+    start(supervisor)
+    wait_until_ready(supervisor)
+    first = supervisor.children[0].process.pid
+    assert supervisor.back_at < 0
+    os.kill(first, signal.SIGKILL)
+    until(lambda: bool(told), supervisor)
+    assert told[0].startswith("node was killed by SIGKILL; it was restarted, and is back after ")
+    assert supervisor.children[0].process.pid != first
+    assert (tmp_path / "node.log").read_text() == "up\nup\n"  # nothing of the first is lost
+    assert 0 < supervisor.back_at <= time.monotonic()
+
+
+@pytest.mark.parametrize("code", [LIVELY, SPINNING])
+def test_a_process_that_hangs_is_noticed_within_a_second_and_restarted(supervisor, told, code):
+    start(supervisor, code)
+    wait_until_ready(supervisor)
+    first = supervisor.children[0].process.pid
+    begun = time.monotonic()
+    if code == LIVELY:
+        os.kill(first, signal.SIGSTOP)
+    until(lambda: supervisor.children[0].process.pid != first, supervisor)
+    assert 0.7 < time.monotonic() - begun < 15.0  # of a busy machine
+    if code == LIVELY:
+        until(lambda: bool(told), supervisor)
+        assert "node gave no sign of life for 1." in told[0]
+
+
+def test_a_process_that_only_waits_for_a_processor_is_left_alone(supervisor, told, monkeypatch):
+    from sain_bringup import children
+
+    start(supervisor, SPINNING)
+    wait_until_ready(supervisor)
+    monkeypatch.setattr(children, "waiting_times", lambda process: {"1": time.monotonic_ns()})
+    first, enough = supervisor.children[0].process.pid, time.monotonic() + 1.5
+    until(lambda: time.monotonic() > enough, supervisor)
+    assert supervisor.children[0].process.pid == first and not told
+
+
+def test_the_third_crash_within_a_minute_ends_it_with_the_reason(supervisor):
+    start(supervisor)
+    start(supervisor, name="other")
+    wait_until_ready(supervisor)
+    with pytest.raises(ProcessDiedError) as caught:
+        for place in (0, 1, 0):
+            os.kill(supervisor.children[place].process.pid, signal.SIGKILL)
+            until(lambda: supervisor.back_at == float("inf"), supervisor)
+            wait_until_ready(supervisor)
+            supervisor.check()
+    reason = "node was killed by SIGKILL, the last of 3 crashes within 60 s"
+    assert caught.value.reason == reason
+    assert caught.value.exit_code == 128 + signal.SIGKILL
+
+
+@pytest.mark.parametrize("ending", ["raise SystemExit(0)", "raise SystemExit(130)"])
+def test_one_that_ends_as_asked_is_not_restarted(supervisor, ending):
+    start(supervisor, f"from sain_core.guarding import lifetime\nlifetime.ready()\n{ending}")
+    with pytest.raises(ProcessDiedError, match="node ended with exit code"):
+        until(lambda: False, supervisor)
+
+
+def test_one_that_fails_at_its_start_is_not_restarted(supervisor):
+    start(supervisor, "raise SystemExit('parameter seed is -1')")
+    with pytest.raises(ProcessDiedError, match=r"exit code 1; .*\n.*seed is -1"):
+        until(lambda: False, supervisor)
+
+
+@pytest.mark.parametrize("closed_before", [True, False])
+def test_joining_takes_as_long_as_it_takes_and_that_is_told(
+    closed_before, supervisor, told, tmp_path
+):
+    command = [sys.executable, "-c", JOINING]
+    supervisor.start("recorder", command, again=command, patient=True)
+    wait_until_ready(supervisor)
+    if closed_before:
+        supervisor.close_files(0.1)
+    assert supervisor.stop() == []
+    assert (tmp_path / "recorder.log").read_text() == "up\njoined\n"
+    assert told == ["recorder: joining the parts; Ctrl-C ends it before that is done"]
