@@ -17,7 +17,7 @@ from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import agent_maker
-from sain_eval.loop.evaluation import EpisodeJob, play, run_jobs
+from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
 from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
 from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
@@ -146,7 +146,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     for name in _split(options.controllers, "controllers"):
         agent_maker(name, options.agent, options.belief)  # a bad one should not wait for its scene
     jobs = jobs_of(options, journal.done)
-    play(run_jobs(jobs, options), len(jobs), journal, console)
+    keep_records(run_jobs(jobs, options), len(jobs), journal, console)
     planned = set(options.episodes)
     kept = sorted(
         (record for record in journal.records if record.episode in planned),

@@ -94,7 +94,7 @@ def run_jobs(
             yield done.records
 
 
-def play(
+def keep_records(
     results: Generator[list[SceneRecord], None, None],
     count: int,
     journal: Journal,
