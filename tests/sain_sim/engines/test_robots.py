@@ -98,3 +98,13 @@ def test_the_tool_is_where_the_kinematics_have_it_after_steps(engine, robot):
             reached, _ = world.joint_states()
             np.testing.assert_allclose(reached, turned, atol=2e-3)
             np.testing.assert_allclose(world.sample().tool, arm.tip(reached), atol=1e-4)
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_from_beside_its_base_the_arm_comes_to_each_push(engine, robot, scene):
+    cell = WorldConfig(robot=robot, wait_aside=True, full_motion=True)
+    with World(nominal_parameters(), cell, engine) as world:
+        world.reset(scene)
+        for push in (PUSH, make_push(-0.3, 0.0, 0.05)):
+            world.push(push)
+            np.testing.assert_allclose(world.joint_states()[0], world._simulation.home, atol=1e-3)

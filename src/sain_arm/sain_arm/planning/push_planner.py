@@ -30,6 +30,7 @@ SPACING: Final = 0.01  # [m] between points of a way
 ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
 BRANCHES: Final = 6  # drawn at random
 SAME: Final = 0.1  # [rad], within which two ways end in one posture
+LEVEL: Final = 1e-4  # [m], within which a tip is as high as one that travels
 WITHDRAWAL: Final = 0.005  # [m], backwards at the end of a stroke, before the lift
 LEAST_SHARE: Final = 0.98  # of a stroke's speed that the joints must allow
 
@@ -107,7 +108,7 @@ class PushPlanner:
             UnreachableError: there is none.
         """
         tip = self.arm.tip(joints)
-        if tip[2] >= self.config.raised:
+        if tip[2] >= self.config.raised - LEVEL:
             return self._timed(np.stack([tip, tip]), np.stack([joints, joints]))
         way = self._line(tip, np.array([*tip[:2], self.config.raised]))
         return self._timed(way, _begun_at(joints, self.kinematics.follow(joints, way)))
@@ -228,7 +229,7 @@ class PushPlanner:
     def _lifted(self, joints: Vector) -> list[Trajectory]:
         """Return the way straight up to above all bodies from joints (J,); none: it is there."""
         tip = self.arm.tip(joints)
-        if tip[2] >= self.config.raised:
+        if tip[2] >= self.config.raised - LEVEL:
             return []
         way = self._line(tip, np.array([*tip[:2], self.config.raised]))
         lift = _begun_at(joints, self.kinematics.follow(joints, way))

@@ -36,7 +36,7 @@ SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under it
 FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
 MOST_LEAN: Final = radians(3.0)  # [rad], of a body that stands
 MOST_LIFT: Final = 0.003  # [m], of the middle of a body that stands, up or down
-ASIDE: Final = -1.5  # [rad], of the first joint at home, where the arm hides no body from a camera
+ASIDE: Final = 1.5  # [rad], of the first joint at home: hides no body; a UR5 leans away from them
 SETTLING: Final = 3.0  # [s], longest wait for disks to settle
 STEPS_PER_LOOK: Final = 6  # between two tests whether the disks are settled
 
