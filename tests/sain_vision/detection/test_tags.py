@@ -16,6 +16,7 @@ from sain_vision.optics import CameraModel
 from tests.sain_vision.pictures import CAMERA, file_of, take
 
 UNBIASED = {"place_bias": 0.0, "turn_bias": 0.0, "corner_noise": 0.03}
+LARGE = replace(CAMERA, width=3840, height=2160, matrix=np.diag([3.0, 3.0, 1.0]) @ CAMERA.matrix)
 LENS = np.array([-0.1, 0.03, 0.001, -0.001, 0.0])
 POSES = np.array([(0.35, -0.2, 0.3), (0.45, 0.0, 2.0), (0.55, 0.25, -2.5), (0.4, 0.3, 1.2)])
 ONE_EACH = file_of(*((Tag(n),) for n in range(len(POSES))))
@@ -98,6 +99,7 @@ def test_several_tags_are_one_body_and_some_of_them_suffice():
         (file_of((Tag(0, size=0.06),)), [(0, POSES[0])], CAMERA, "check size, place and height"),
         (file_of((Tag(0, size=0.03),)), [(0, POSES[0])], CAMERA, "seems 40.0 mm large, and is 30"),
         (file_of((Tag(0, size=0.01),)), [], CAMERA, "tag 0 of body 0 (body_0) has 9 px along its"),
+        (file_of((Tag(0, size=0.01),)), [], LARGE, "has 26 px along its side in this camera's"),
         (
             ONE_EACH,
             [(0, POSES[0])],
@@ -105,7 +107,7 @@ def test_several_tags_are_one_body_and_some_of_them_suffice():
             "does not look down onto the table",
         ),
     ],
-    ids=["twice", "size", "seems", "small", "camera"],
+    ids=["twice", "size", "seems", "small", "small in a large image", "camera"],
 )  # fmt: skip
 def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text):
     found, problems = locate(take(CAMERA, shown, np.random.default_rng(0)), file, camera)

@@ -27,6 +27,7 @@ from sain_vision.optics import CameraModel, PlanePoints
 
 SMALLEST: Final = 10  # [px], side of a tag whose bits can be read in a sharp image
 READABLE: Final = 16  # [px], the same with the blur of usual lenses
+LEAST: Final = 0.03  # of an image's longer side, the perimeter of a square that is looked at
 BIT_ERRORS: Final = {"36h11": 2, "25h9": 1, "16h5": 0}
 """Bits that may be wrong. More would find few more tags, and read a tag out of every 400th square
 of noise."""
@@ -89,8 +90,8 @@ def _detector(family: str, bit_errors: int) -> cv2.aruco.ArucoDetector:
     # A shadow or a dark neighbour spoils a tag in some windows [px], not in all.
     given.adaptiveThreshWinSizeMin, given.adaptiveThreshWinSizeMax = 7, 41
     given.adaptiveThreshWinSizeStep = 17
-    # Of the image's width: with more and smaller squares an image of them takes half a minute.
-    given.minMarkerPerimeterRate = 0.03
+    # With smaller squares, an image that is full of them takes half a minute.
+    given.minMarkerPerimeterRate = LEAST
     given.minDistanceToBorder, given.errorCorrectionRate = 1, 1.0
     given.maxErroneousBitsInBorderRate = 0.2
     # Of each module its middle, which neighbours do not blur.
@@ -150,17 +151,18 @@ class TagLocator:
     def _too_small(self, found: Mapping[int, Sequence[Corners]], camera: CameraModel) -> list[str]:
         """Return which tags are not found, and too small to be read in the image's middle."""
         middle = np.array([[camera.width / 2, camera.height / 2]])
+        needed = max(READABLE, 0.3 * LEAST * max(camera.width, camera.height))  # [px]
         problems = []
         for body, tags in enumerate(self._bodies.tags):
             spread = camera.spread_on_plane(middle, self._bodies.heights[body])[0]
             (a, b), (c, d) = spread.tolist()
             grain = abs(a * d - b * c) ** 0.5  # [m/px]; NaN: no table there
-            small = [t for t in tags if t.number not in found and t.size < READABLE * grain]
+            small = [t for t in tags if t.number not in found and t.size < needed * grain]
             if small:
                 problems.append(
                     f"tag {small[0].number} of {self._bodies.called(body)} has"
                     f" {small[0].size / grain:.0f} px along its side in this camera's images;"
-                    f" {READABLE} px are needed: print it larger, or move the camera nearer"
+                    f" {needed:.0f} px are needed: print it larger, or move the camera nearer"
                 )
         return problems
 
