@@ -36,7 +36,7 @@ class LearnerConfig(Config):
         super().__post_init__()
         if self.laboratory:
             laboratory_path(self.laboratory)
-        self.place_noise  # noqa: B018 - checked
+        ObservationConfig(noise=self.noise)
 
     @property
     def place_noise(self) -> float:
