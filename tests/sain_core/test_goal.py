@@ -111,9 +111,6 @@ def test_turning_and_moving_scene_and_goal_together_changes_no_judgement(seed):
     for name in ("distances", "turns", "ways"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-12)
     assert (one.missed, one.moved(), one.reached) == (other.missed, other.moved(), other.reached)
-    within = one.distances <= [pose.tolerance for pose in wanted.poses]
-    within &= one.turns <= [pose.heading_tolerance for pose in wanted.poses]
-    assert one.reached == (within.all() and one.ways.max() <= wanted.keep_tolerance)
 
 
 @pytest.mark.parametrize("seed", range(10))

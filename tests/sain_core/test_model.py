@@ -76,18 +76,8 @@ def spoilt(predicted: np.ndarray, column: int, value: float) -> np.ndarray:
 def test_a_step_that_cannot_be_an_answer_is_refused(answer, message):
     with pytest.raises(ModelUnavailableError, match=re.escape(message)):
         check_step(answer, SCENES, "model 'x'")
-
-
-@pytest.mark.parametrize(
-    ("answer", "message"),
-    [
-        (PREDICTED[:, :3], "of shape (3, 3, 2, 8); the shape must be (3, 4, 2, 8)"),
-        (spoilt(PREDICTED, MASS, 7.0), "predicted disks of other masses or radii"),
-    ],
-)
-def test_a_rollout_that_cannot_be_an_answer_is_refused(answer, message):
-    with pytest.raises(ModelUnavailableError, match=re.escape(message)):
-        check_rollout(answer, SCENE, SEQUENCES)
+    with pytest.raises(ModelUnavailableError, match=r"of shape \(3, 3, 2, 8\); the shape must be"):
+        check_rollout(PREDICTED[:, :3], SCENE, SEQUENCES)
 
 
 @pytest.fixture

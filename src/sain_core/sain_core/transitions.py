@@ -282,21 +282,15 @@ class PushHistory(Transitions):
         shape = self.state.shape
         if len(shape) != 3 or shape[1] < 1 or shape[2] != STATE_SIZE:
             raise InvalidInputError(f"past state has shape (P, N, 8) with N >= 1, not {shape}")
-        parts: list[tuple[str, tuple[int, ...]]] = [
-            (Column.ACTION, (shape[0], STROKE_SIZE if is_stroke(self.action) else PUSH_SIZE)),
-            (Column.NEXT_STATE, shape),
-        ]
-        if self.noise is not None:
-            parts.append(("noise", shape[:2]))
-        for name, right in parts:
-            found = getattr(self, name).shape
-            if found != right:
-                raise InvalidInputError(f"past {name} has shape {right}, not {found}")
-        for key, array in self.arrays.items():
-            finite = np.isfinite(array)
-            if not finite.all():
-                where = [int(index) for index in np.argwhere(~finite)[0]]
-                raise InvalidInputError(f"past {key}{where} is NaN or Inf; it must be finite")
+        width = STROKE_SIZE if is_stroke(self.action) else PUSH_SIZE
+        right: dict[str, tuple[int, ...]] = dict.fromkeys((Column.STATE, Column.NEXT_STATE), shape)
+        right[Column.ACTION] = (shape[0], width)
+        for name, array in self.arrays.items():
+            if array.shape != (wanted := right.get(name, shape[:2])):
+                raise InvalidInputError(f"past {name} has shape {wanted}, not {array.shape}")
+            if not np.isfinite(array).all():
+                where = np.argwhere(~np.isfinite(array))[0].tolist()
+                raise InvalidInputError(f"past {name}{where} is NaN or Inf; it must be finite")
         if (self.state[..., [MASS, RADIUS]] <= 0.0).any():
             raise InvalidInputError("past state has a mass or radius that is not positive")
         share = changed_kinds(self.state, self.next_state).max(initial=0.0)

@@ -87,23 +87,13 @@ LOCATIONS = np.linspace(-pi, pi, 721)[1:]
 
 
 @FEW
-def test_every_location_is_a_point_on_the_outline(shape):
-    points, normals = outline_of(shape).at(LOCATIONS)
-    ring = Polygon(shape.outline(1.0))
-    assert max(ring.exterior.distance(Point(point)) for point in points) < 1e-9
-    inside = points + 1e-6 * unit(normals)
-    assert (
-        is_inside(
-            inside, np.broadcast_to(shape.outline(1.0), (720, *shape.outline(1.0).shape))
-        ).mean()
-        > 0.99
-    )
-
-
-@FEW
 def test_equal_steps_of_the_location_are_equal_steps_along_the_outline(shape):
-    ring = Polygon(shape.outline(1.0)).exterior
-    points, _ = outline_of(shape).at(LOCATIONS)
+    outline = shape.outline(1.0)
+    ring, (points, normals) = Polygon(outline).exterior, outline_of(shape).at(LOCATIONS)
+    assert max(ring.distance(Point(point)) for point in points) < 1e-9
+    corners = np.broadcast_to(outline, (720, *outline.shape))
+    inside = is_inside(points + 1e-6 * unit(normals), corners)
+    assert inside.mean() > 0.99
     along = np.unwrap([2 * pi * ring.project(Point(p), normalized=True) for p in points])
     assert np.allclose(np.diff(along), 2 * pi / 720, atol=1e-9)  # also counter-clockwise
 
