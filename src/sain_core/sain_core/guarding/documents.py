@@ -63,7 +63,7 @@ def _integer(digits: str) -> int:
 def _number(digits: str) -> float:
     number = float(digits)
     if isinf(number):
-        raise UntrustedFileError(f"the number {shown(digits)} is too large for a double")
+        raise UntrustedFileError(f"the number {digits[:DIGITS]} is too large for a double")
     return number
 
 
