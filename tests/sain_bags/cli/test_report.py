@@ -28,7 +28,8 @@ def test_the_page_is_written_beside_the_bag(episode_bag, tmp_path):
 
 def test_a_report_replaces_no_other_result(episode_bag, tmp_path):
     shard = write_whole(tmp_path / "data" / "shard-00000.npz", b"PAR1 of a week")
-    with pytest.raises(OutputError, match=r"npz is a Parquet.*a report replaces only a page: name"):
+    match = r"npz is a text file.*a report replaces only a page: name"
+    with pytest.raises(OutputError, match=match):
         run(ReportOptions(episode_bag, shard), Console(quiet=True))
     assert shard.read_bytes() == b"PAR1 of a week"
     for _ in range(2):

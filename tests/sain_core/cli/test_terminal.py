@@ -12,7 +12,8 @@ ROW = ("/sain/scene", "sain_interfaces/msg/[Scene]", "1,234,567", "30.0 Hz")
 
 
 @pytest.mark.parametrize(("width", "terminal"), [(80, True), (45, True), (8, True), (8, False)])
-def test_a_number_is_never_cut_and_a_text_is_folded_or_whole(width, terminal):
+def test_a_number_is_never_cut_and_a_text_is_folded_or_whole(width, terminal, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)  # of the shell of whoever tests
     table = FittingTable(NAMES, left=NAMES[:2], title="Messages of a topic")
     table.add_row(*ROW)
     out = io.StringIO()
