@@ -67,8 +67,10 @@ def test_a_goal_is_reached(graph, robot):
     graph.wait(lambda: ended(graph, 1), "the end")
     assert ended(graph, 1)[0].status == Plan.REACHED
     assert np.linalg.norm(true_place(graph, 1) - goal) <= 0.02
-    results = graph.heard["push_result"]
-    assert {result.error_code for result in results} == {ErrorCode.OK}
+    # Planner and robot share this thread: a push may come too late for its scene, and is sent anew.
+    codes = {result.error_code for result in graph.heard["push_result"]}
+    assert codes <= {ErrorCode.OK, ErrorCode.STALE_SCENE}
+    results = [r for r in graph.heard["push_result"] if r.error_code == ErrorCode.OK]
     scenes = [(r.before.scene_id, r.after.scene_id) for r in results]
     first = scenes[0][0]
     assert scenes == [(first + n, first + n + 1) for n in range(len(scenes))]
