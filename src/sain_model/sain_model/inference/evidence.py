@@ -19,7 +19,7 @@ from scipy.special import logsumexp
 
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.transitions import Transitions, as_scenes
+from sain_core.transitions import Transitions
 from sain_core.types import Indices, Mask, Scalars
 from sain_model.inference.kinds import Kind, Places
 from sain_model.physics.parameters import Values
@@ -210,18 +210,20 @@ def curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
         noise = pushes.state[:, :0] if pushes.noise is None else pushes.noise
         columns = pushes.state, pushes.action, pushes.next_state, noise
         rows = [[part[index].tobytes() for part in columns] for index in range(len(pushes))]
-        kept = [_kept_curves(kind, pushes.bodies, *row) for row in rows]
-        return np.stack(kept) if kept else _curves_of(kind, pushes)
+        kept = [_place_of(kind, pushes.bodies, *row) for row in rows]
+        if new := [index for index, place in enumerate(kept) if not place]:
+            fresh = _curves_of(kind, pushes.select(np.array(new)))
+            for index, curves in zip(new, fresh, strict=True):
+                kept[index].append(curves)
+        if kept:
+            return np.stack([place[0] for place in kept])
     return _curves_of(kind, pushes)
 
 
 @lru_cache(KEPT)
-def _kept_curves(kind: Kind, bodies: Bodies, *row: bytes) -> Float[ndarray, "G K"]:
-    """Return the curves of one push, whose arrays are given as bytes."""
-    state, action, after, noise = (np.frombuffer(part)[None].copy() for part in row)
-    scenes = as_scenes(state), action, as_scenes(after)
-    one = ObservedPushes(*scenes, np.zeros(1, np.int64), bodies, noise if noise.size else None)
-    return _curves_of(kind, one)[0]
+def _place_of(kind: Kind, bodies: Bodies, *row: bytes) -> list[Float[ndarray, "G K"]]:
+    """Return where the curves of a push are kept, whose arrays are given as bytes."""
+    return []
 
 
 def _curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
