@@ -11,7 +11,7 @@ import warnings
 import xml.etree.ElementTree as ElementTree
 from math import hypot, sqrt
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -23,13 +23,8 @@ from sain_core.scratch import scratch_folder
 from sain_sim.engines.bullet_client import Client
 from sain_sim.world.workcell import ControlledArm, Tip
 
-LINK_MASS: Final = 500.0  # [kg]
-LINK_INERTIA: Final = 20.0  # [kg m^2]
 GAIN: Final = 0.6  # share of a position error that a step corrects
 STRONG: Final = 1e5  # [N m], no limit
-SPRUNG_MASS: Final = 2.0  # [kg], moves with a tool that a spring holds: some of a soft arm
-SLIDE_MASS: Final = 0.01  # [kg], between the two directions of the spring
-SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
 DAMPING: Final = 1.0  # as a share of critical damping
 X_AXIS, Y_AXIS = np.eye(3)[:2]
 FIXED: Final = """<inertial><mass value="0"/>
@@ -37,6 +32,21 @@ FIXED: Final = """<inertial><mass value="0"/>
 HERE: Final[Pose] = np.zeros(3), Rotation.identity()
 # Without a visual, Bullet makes a mesh of what collides, which takes time.
 UNSEEN: Final = '<visual><geometry><box size="0.002 0.002 0.002"/></geometry></visual>'
+
+
+class Load(NamedTuple):
+    """What a joint moves, and how far."""
+
+    mass: float  # [kg]
+    inertia: float  # [kg m^2]
+    reach: float = LONGEST  # either way [m], where it slides
+
+
+SPRUNG_MASS: Final = 2.0  # [kg], moves with a tool that a spring holds: some of a soft arm
+SLIDE_RANGE: Final = 0.16  # [m], either way: more than a push is long
+LINK: Final = Load(500.0, 20.0)
+SLIDE: Final = Load(0.01, 0.0001, SLIDE_RANGE)  # between the two directions of the spring
+TOOL: Final = Load(SPRUNG_MASS, SPRUNG_MASS / 100, SLIDE_RANGE)
 
 
 class ArmFile:
@@ -58,12 +68,12 @@ def describe_arm(arm: ArmModel, rise: float, sprung: bool) -> str:
     above = "base"
     for joint in arm.chain():
         kind = "prismatic" if joint.slides else "continuous"
-        _add_link(tree, above, joint.name, kind, joint.pose, joint.axis, LINK_MASS, LINK_INERTIA)
+        _add_link(tree, above, joint.name, kind, joint.pose, joint.axis, LINK)
         above = joint.name
     tip = arm.tip_pose()
     if sprung:
-        _add_link(tree, above, "slide", "prismatic", tip, X_AXIS, SLIDE_MASS, SLIDE_MASS / 100)
-        _add_link(tree, "slide", "tool", "prismatic", HERE, Y_AXIS, SPRUNG_MASS, SPRUNG_MASS / 100)
+        _add_link(tree, above, "slide", "prismatic", tip, X_AXIS, SLIDE)
+        _add_link(tree, "slide", "tool", "prismatic", HERE, Y_AXIS, TOOL)
         tip, above = HERE, "tool"
     ball = tip[0] - rise * tip[1].as_matrix()[:, 2]
     shape = f'<geometry><sphere radius="{arm.robot.tool_radius}"/></geometry>'
@@ -81,12 +91,11 @@ def _add_link(
     kind: str,
     pose: Pose,
     axis: np.ndarray,
-    mass: float,
-    inertia: float,
+    load: Load,
 ) -> None:
     """Add a link behind a joint, whose frame is at a pose in the parent's."""
     place, turn = _words(pose[0]), _words(_fixed_axes(pose[1]))
-    reach = SLIDE_RANGE if mass < LINK_MASS else LONGEST
+    mass, inertia, reach = load
     limit = f'<limit lower="{-reach}" upper="{reach}" effort="1e4" velocity="100"/>'
     tree.extend(
         ElementTree.fromstring(f"""<parts>
