@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections import deque
 from concurrent.futures import Future
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, Final
 
 from nav_msgs.msg import OccupancyGrid
@@ -47,6 +47,7 @@ class PushingNode(Node, ABC):
         super().__init__(name, namespace=NAMESPACE, **options)
         self.worker = Worker(self, thread)
         self._events, self._is_updating = deque[Event](), False
+        self._reach_table: Publisher | None = None
         steady_timer(self, LOOK, lambda: self.update(events.TimePassed()))
 
     @property
@@ -115,23 +116,25 @@ class PushingNode(Node, ABC):
         planned = events.PushPlanned if isinstance(wanted, events.PlanPush) else events.WayPlanned
         self.update(planned(done.result() if error is None else error))
 
-    @cached_property
-    def _reach_table(self) -> Publisher:
-        return self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
+    def _announce_reach(self) -> Publisher:
+        """Return the publisher of the table of reach, for which planners wait from now on."""
+        if self._reach_table is None:
+            self._reach_table = self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
+        return self._reach_table
 
     def find_reach(self, planner: PushPlanner) -> None:
         """Take pushes once it is computed where the arm reaches; planners wait for that."""
+        self._announce_reach()
         self.worker.submit(
             lambda: table_of_reach(planner),
             lambda done: self.take_reach(done.result()),  # a wrong file of a robot ends the node
         )
-        assert self._reach_table is not None
 
     def take_reach(self, reach: Reach) -> None:
         """Take pushes within a reach; publish it if it is a table."""
         self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
         if isinstance(reach, ReachTable):
             stamp = codec.encode_time(round(1e9 * self.driver.now()))
-            self._reach_table.publish(codec.encode_reach(reach, stamp))
+            self._announce_reach().publish(codec.encode_reach(reach, stamp))
             self.get_logger().info(f"the arm reaches {reach.describe()}")
         self.update(events.ReachFound())
