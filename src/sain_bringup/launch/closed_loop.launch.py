@@ -20,8 +20,7 @@ from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from sain_bringup.graph import DEFAULT_ROBOT
-from sain_sim.world.engines import DEFAULT_ENGINE
+from sain_sim.world.engines import DEFAULT_ENGINE, DEFAULT_ROBOT
 
 CONFIG = Path(get_package_share_directory("sain_bringup"), "config")
 DEFAULT_PARAMETERS = CONFIG / "launch.yaml"

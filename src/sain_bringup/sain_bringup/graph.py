@@ -25,11 +25,10 @@ from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
 from sain_lab.storage.laboratory import laboratory_path
 from sain_sim.bench.faults import FAULTS_HELP, parse_faults
-from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP, check_engine
+from sain_sim.world.engines import DEFAULT_ENGINE, DEFAULT_ROBOT, ENGINE_HELP, check_engine
 
 T = TypeVar("T")
 
-DEFAULT_ROBOT: Final = "paper_panda"  # of `sain_sim.world.workcell.WorldConfig`
 NAMESPACE: Final = "sain"  # as `sain_core.ros.node_main` has it, which needs rclpy
 RECORDINGS: Final = Path("bags")
 NAMESPACE_KEY: Final = "namespace"  # of a bag's custom data: of the graph that made it

@@ -31,10 +31,9 @@ def robot_reach(robot: str) -> Reach:
         UnreachableError: nowhere.
     """
     from sain_arm.planning.push_planner import PushPlanner
-    from sain_arm.planning.reach import FEW, table_of_reach
+    from sain_arm.planning.reach import FEW, reach_of
 
-    planner = PushPlanner(read_robot(robot))
-    return planner.robot.reach or table_of_reach(planner, FEW)
+    return reach_of(PushPlanner(read_robot(robot)), FEW)
 
 
 def describe_reach(robot: str) -> str:

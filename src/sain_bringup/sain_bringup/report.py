@@ -15,7 +15,7 @@ from sain_bags.report.content import read_content
 from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
-from sain_bringup.graph import DEFAULT_ROBOT, EPISODES_KEY, NAMESPACE_KEY, ROBOT_KEY
+from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY, ROBOT_KEY
 from sain_bringup.movie import CAMERA, choose_moments, encode_gif, episode_moments, render
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
@@ -23,6 +23,7 @@ from sain_core.scene import RADIUS, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.view.scenes import goal_marks
 from sain_eval.scenes.scenarios import draw_scene
+from sain_sim.world.engines import DEFAULT_ROBOT
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
 CORNERS: Final = 72  # of a ring

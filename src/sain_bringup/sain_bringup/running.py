@@ -13,7 +13,6 @@ from sain_bringup.bench import ROBOT
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.conditions import show_line
 from sain_bringup.graph import (
-    DEFAULT_ROBOT,
     LEARNER,
     RECORDER,
     SEEN_BODIES,
@@ -28,6 +27,7 @@ from sain_bringup.reach import describe_reach
 from sain_core.guarding import lifetime
 from sain_core.shapes.body_file import write_tagged_bodies
 from sain_model.compute.kernel_store import compile_visibly
+from sain_sim.world.engines import DEFAULT_ROBOT
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
 

@@ -75,8 +75,15 @@ class PushPlanner:
     ) -> None:
         """Plan for these bodies with their radii [m]."""
         self.robot, self.config = robot, config
+        self._among = bodies, radii
         self.arm = ArmModel(robot, bodies, radii)
         self.kinematics = Kinematics(self.arm)
+
+    def among(self, bodies: Bodies, radii: tuple[float, ...]) -> "PushPlanner":
+        """Return the same for these bodies: itself, if they are those it was made for."""
+        if self._among == (bodies, radii):
+            return self
+        return PushPlanner(self.robot, bodies, radii, self.config)
 
     def plan(self, stroke: Stroke, scene: Scene, joints: Vector | None) -> PushPlan:
         """Return the motion for a stroke in a scene (N, 8), from where the arm has joints (J,).

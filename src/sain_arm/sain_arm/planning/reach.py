@@ -8,7 +8,7 @@ import numpy as np
 from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.robot.robot import Vector
 from sain_core.errors import SainError, UnreachableError
-from sain_core.feasibility import ReachTable
+from sain_core.feasibility import Reach, ReachTable
 from sain_core.push import DEFAULT_SPEED
 
 CELLS: Final = 40  # along the shorter side of the workspace
@@ -17,6 +17,11 @@ FEW: Final = 20  # cells, where a minute is too long
 POINTS: Final = 5  # of the lowering
 SINGULAR: Final = 0.02  # of the largest singular value
 SIDES: Final = ((1, 0), (-1, 0), (0, 1), (0, -1))
+
+
+def reach_of(planner: PushPlanner, cells: int = CELLS) -> Reach:
+    """Return where a robot states that its tool can stand, or else the table of its reach."""
+    return planner.robot.reach or table_of_reach(planner, cells)
 
 
 def table_of_reach(planner: PushPlanner, cells: int = CELLS) -> ReachTable:

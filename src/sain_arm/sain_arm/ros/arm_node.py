@@ -26,7 +26,6 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import RADIUS
-from sain_core.shapes.bodies import Bodies
 
 
 class ArmNode(PushingNode):
@@ -46,7 +45,6 @@ class ArmNode(PushingNode):
         self.enable = EnableListener(self, config.enable_timeout)
         self.ghost = Ghost(self)
         self._planner = PushPlanner(robot, config=config.motion)
-        self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         listen = self.driver.reception.listen
         self._inputs = [
             listen(JointState, "/joint_states", self.joints.listen, RELIABLE),
@@ -96,10 +94,7 @@ class ArmNode(PushingNode):
             assert self.driver.scene is not None
             return self._planner.home(self.driver.scene, wanted.joints, wanted.turn)
         scene, bodies = self.driver.before
-        radii = tuple(scene[:, RADIUS].tolist())
-        if self._planned_for != (bodies, radii):
-            self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)
-            self._planned_for = bodies, radii
+        self._planner = self._planner.among(bodies, tuple(scene[:, RADIUS].tolist()))
         plan = self._planner.plan(wanted.stroke, scene, wanted.joints)
         self.ghost.show(self._planner.arm, plan)
         return plan

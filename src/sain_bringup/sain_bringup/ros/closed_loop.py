@@ -13,7 +13,6 @@ from rich.console import Console
 from sain_bags.bag.metadata import describe_recording
 from sain_bringup.display import Display
 from sain_bringup.graph import (
-    DEFAULT_ROBOT,
     EPISODES_KEY,
     NAMESPACE_KEY,
     RECORDINGS,
@@ -39,7 +38,7 @@ from sain_model.compute.kernel_store import (
     describe_progress,
     kernels_are_ready,
 )
-from sain_sim.world.engines import BULLET
+from sain_sim.world.engines import BULLET, DEFAULT_ROBOT
 
 DEMO: Final = (("anywhere", 3), ("paper", 1), ("push_t", 1))
 BAG: Final = "bag"  # folder of the recording

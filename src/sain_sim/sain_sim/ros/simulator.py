@@ -6,7 +6,6 @@ from time import perf_counter
 
 import numpy as np
 
-from sain_arm.planning.push_planner import PushPlanner
 from sain_arm.robot.robot import Robot
 from sain_core import wire
 from sain_core.camera.image_camera import ImageCamera, ImageCameraConfig, Shot
@@ -79,10 +78,9 @@ class Simulator:
 
     def __init__(self, config: SimulatorConfig, pacer: Pacer) -> None:
         """Make the worlds; `reset` starts an episode."""
-        planner = PushPlanner(config.cell.arm, config=config.cell.motion)
-        self.config = config = replace(config, cell=config.cell.fitted(planner))
         self.pacer = pacer
         self.world = open_world(nominal_parameters(), config.cell, config.engine)
+        self.config = config = replace(config, cell=self.world.config)  # with the robot's reach
         self.window: Window | None = None
         self.shadow = BulletPrior("nominal", config.cell) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)

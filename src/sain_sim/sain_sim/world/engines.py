@@ -43,7 +43,7 @@ ENGINES: Final = {
 }
 # PyBullet has no wheel above Python 3.11, where the set-up leaves it out.
 DEFAULT_ENGINE: Final = BULLET if find_spec(ENGINES[BULLET].module) else MUJOCO
-
+DEFAULT_ROBOT: Final = "paper_panda"
 
 ENGINE_HELP: Final = f"physics engine: {', '.join(ENGINES)}, or a world of an installed package"
 OFFERED: Final = Plugins("sain.worlds", "engine", ENGINES)

@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
-from sain_arm.planning.reach import table_of_reach
+from sain_arm.planning.reach import reach_of
 from sain_arm.robot.arm_model import ArmModel
 from sain_arm.robot.robot import Joints, Robot, Vector, read_robot
 from sain_core.config import Config, option
@@ -26,10 +26,11 @@ from sain_core.feasibility import Feasibility, Reach
 from sain_core.scene import DISK_HEIGHT, POSITION, SETTLED_SPEED, SETTLED_SPIN, VELOCITY
 from sain_core.types import Mask, Scalars, Scene
 from sain_core.world import ToppledError, check_possible
+from sain_sim.world.engines import DEFAULT_ROBOT
 from sain_sim.world.parameters import FOOT_RADIUS, WorldParameters
 from sain_sim.world.roughness import QUIET
 
-PAPER_PANDA, FREE_TOOL = "paper_panda", "free_tool"  # robots
+FREE_TOOL: Final = "free_tool"  # a robot without an arm
 TIME_STEP: Final = 1 / 240  # [s], of control
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
@@ -46,7 +47,7 @@ class WorldConfig(Config):
     """How a world is simulated; `WorldParameters` states what is in it."""
 
     robot: str = option(
-        PAPER_PANDA, "YAML file of the robot that pushes, or the name of a shipped one"
+        DEFAULT_ROBOT, "YAML file of the robot that pushes, or the name of a shipped one"
     )
     motion: MotionConfig = MotionConfig(tip_height=0.008, clearance=0.048)
     feasibility: Feasibility = Feasibility()
@@ -72,11 +73,11 @@ class WorldConfig(Config):
         Raises:
             UnreachableError: the robot can push nowhere.
         """
-        feasibility, robot = self.feasibility, planner.robot
-        limits = replace(feasibility.limits, tool_radius=robot.tool_radius)
+        feasibility = self.feasibility
+        limits = replace(feasibility.limits, tool_radius=planner.robot.tool_radius)
         reach = feasibility.reach
         if reach == Reach():
-            reach = robot.reach or table_of_reach(planner)
+            reach = reach_of(planner)
         return replace(self, feasibility=replace(feasibility, limits=limits, reach=reach))
 
     @property

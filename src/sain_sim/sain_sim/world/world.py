@@ -8,12 +8,12 @@ from typing import Any, Final, Self
 
 import numpy as np
 
-from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.push_planner import PushPlan
 from sain_arm.robot.robot import Robot, Vector
 from sain_core.errors import BlockedError, InvalidInputError
 from sain_core.feasibility import Stroke, checked_stroke
 from sain_core.scene import MASS, RADIUS
-from sain_core.shapes.bodies import Bodies, check_bodies
+from sain_core.shapes.bodies import check_bodies
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome
 from sain_sim.world.engines import DEFAULT_ENGINE, simulation_class
@@ -197,7 +197,6 @@ class World(CheckedWorld):
         self.parameters = parameters
         table = config.feasibility.table
         self._planner = self._simulation.planner
-        self._planned_for: tuple[Bodies, tuple[float, ...]] | None = None
         self._planned: tuple[Any, PushPlan] | None = None  # for what, the latest
         self._steps = 0
         self.load(check_bodies(on_a_grid(parameters, table), parameters.bodies, table))
@@ -313,9 +312,7 @@ class World(CheckedWorld):
         """Return the motion of the arm for a stroke from here, checked as a whole."""
         bodies, radii = self.parameters.bodies, self.parameters.radii
         scene = self.observe()
-        if self._planned_for != (bodies, radii):
-            self._planner = PushPlanner(self.robot, bodies, radii, self.config.motion)
-            self._planned_for = bodies, radii
+        self._planner = self._planner.among(bodies, radii)
         ends = stroke.start.tobytes(), stroke.end.tobytes()
         wanted = (bodies, radii, *ends, stroke.speed, stroke.body, scene.tobytes())
         if self._planned is None or self._planned[0] != wanted:
@@ -324,15 +321,16 @@ class World(CheckedWorld):
 
     def _route(self, stroke: Stroke, guarded: bool) -> Route:
         """Return the joints along a push; raises as `plan`, unguarded for poses and speeds."""
-        simulation, scene = self._simulation, self.observe()
-        planner = simulation.planner
-        plan = self.plan(stroke) if guarded else planner.plan(stroke, scene, None)
+        simulation = self._simulation
+        if guarded:
+            plan, planner = self.plan(stroke), self._planner
+        else:
+            planner = simulation.planner
+            plan = planner.plan(stroke, self.observe(), None)
         if not self.config.full_motion:
             route = Route.of(plan, plan.approach.positions[-1:])
             back = simulation.home[None]
         else:
-            if guarded:
-                planner = self._planner
             way = planner.approach(plan, self._cell.arm.joint_states()[0])
             route = Route.of(plan, way.sampled(TIME_STEP))
             back = planner.travel(route.lift[-1], simulation.home).sampled(TIME_STEP)
