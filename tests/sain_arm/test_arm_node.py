@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from control_msgs.action import FollowJointTrajectory
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
@@ -20,15 +21,18 @@ from std_msgs.msg import Bool
 from visualization_msgs.msg import MarkerArray
 
 from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import SHIPPED
 from sain_arm.ros import pushing_node
 from sain_arm.ros.arm_node import ArmNode
 from sain_arm.ros.enabling import Enabled, cancel_all
 from sain_arm.ros.trajectory_client import encode
 from sain_core import wire
 from sain_core.errors import ErrorCode
+from sain_core.feasibility import Reach, ReachTable
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_interfaces.msg import Scene
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
+from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_vision.ros.scene_node import SceneNode
 from tests.sain_arm.conftest import reach_of
@@ -114,7 +118,7 @@ class Table:
 @pytest.fixture
 def make(graph, monkeypatch):
     reach = reach_of("ur5")  # takes seconds: before the clocks of nodes run
-    monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: reach)
+    monkeypatch.setattr(pushing_node, "reach_of", lambda planner: reach)
 
     def make(arm: dict[str, Any] | None = None, **server: Any) -> Table:
         table = Table(graph, arm or {}, server)
@@ -167,13 +171,27 @@ def test_a_push_is_refused_with_the_code_of_its_reason(graph, make):
 
 def test_a_push_waits_for_the_table_of_reach(graph, monkeypatch):
     reach, found = reach_of("ur5"), Event()
-    monkeypatch.setattr(pushing_node, "table_of_reach", lambda planner: found.wait(60.0) and reach)
+    monkeypatch.setattr(pushing_node, "reach_of", lambda planner: found.wait(60.0) and reach)
     table = Table(graph, {}, {})
     table.enabled = True
     push_id = table.push()
     graph.wait(lambda: table.arm.phase == "waits", "the push")
     found.set()
     assert graph.result(push_id).error_code == ErrorCode.OK
+
+
+def test_a_reach_that_the_robot_s_file_states_is_what_a_planner_plans_in(graph, tmp_path):
+    path = tmp_path / "mine.yaml"
+    content = yaml.safe_load((SHIPPED / "ur5.yaml").read_text())
+    reach = {"inner": 0.3, "outer": 0.6, "bearing": 1.0}
+    path.write_text(yaml.safe_dump(content | {"reach": reach}))
+    graph.start(ArmNode, robot=str(path))
+    planner = graph.start(MppiNode)
+    stated = lambda: planner.agent.config.feasibility.reach  # noqa: E731
+    graph.wait(lambda: isinstance(stated(), ReachTable), "the reach")
+    ring, places = Reach(0.3, 0.6, 1.0), np.random.default_rng(0).uniform(-1.0, 1.0, (500, 2))
+    clear = np.abs(ring.room(places)) > 0.02
+    np.testing.assert_array_equal(stated().contains(places)[clear], ring.contains(places)[clear])
 
 
 @pytest.mark.parametrize(

@@ -55,15 +55,7 @@ CELL = 0.01
 RING = Reach()
 
 
-def table_of(reach: Reach) -> ReachTable:
-    """The squares that lie in another reach with all their corners."""
-    line = np.arange(-0.8, 0.81, CELL)
-    corners = reach.contains(np.stack(np.meshgrid(line, line), axis=-1))
-    free = corners[1:, 1:] & corners[:-1, 1:] & corners[1:, :-1] & corners[:-1, :-1]
-    return ReachTable.of((-0.8, -0.8), CELL, free)
-
-
-TABLE = table_of(RING)
+TABLE = RING.table
 
 
 def test_a_table_of_a_ring_answers_as_the_ring_but_near_its_ends():
@@ -98,5 +90,5 @@ def test_a_table_crosses_the_wire_unchanged():
     assert back.corner == TABLE.corner
     assert back.cell == pytest.approx(TABLE.cell)
     message.info.width -= 1
-    with pytest.raises(InvalidInputError, match=r"states 160 x 159 cells and has 25600"):
+    with pytest.raises(InvalidInputError, match=r"states 200 x 199 cells and has 40000"):
         decode_reach(message)

@@ -23,6 +23,7 @@ from sain_core.shapes.shape import Shape, distance_to_way, outline_of
 from sain_core.types import Mask, Points, PushArray, Pushes, Scalars, Scene, Scenes, States
 
 ARC: Final = 90  # corners of a drawn arc
+CELLS: Final = 100  # of the table of a ring, from its middle to its end
 BETWEEN: Final = 6  # places of a way that are looked up in a table, beside its start
 EXACT_WITHIN: Final = 0.05  # [m], from which on a gap to an outline is that to its circle
 START_PLACES: Final = 2049  # along an outline
@@ -65,6 +66,14 @@ class Reach(Config):
     def describe(self) -> str:
         """Return it in words, for error messages."""
         return f"{self.inner} to {self.outer} m from the base, |bearing| <= {self.max_bearing} rad"
+
+    @property
+    def table(self) -> "ReachTable":
+        """The squares with all corners in the ring, as a message can state it."""
+        line = self.outer / CELLS * np.arange(-CELLS, CELLS + 1)
+        at = self.contains(np.stack(np.meshgrid(line, line), axis=-1))
+        free = at[1:, 1:] & at[:-1, 1:] & at[1:, :-1] & at[:-1, :-1]
+        return ReachTable.of((-self.outer, -self.outer), self.outer / CELLS, free)
 
     @property
     def outlines(self) -> list[Points]:

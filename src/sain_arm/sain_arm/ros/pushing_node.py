@@ -14,13 +14,12 @@ from typing import Any, Final
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 
 from sain_arm.planning import push_events as events
 from sain_arm.planning.push_events import Action, ArmState, Event, Phase
 from sain_arm.planning.push_execution import PushExecution
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
-from sain_arm.planning.reach import table_of_reach
+from sain_arm.planning.reach import reach_of
 from sain_arm.planning.timing import Trajectory
 from sain_core.errors import CancelledError
 from sain_core.feasibility import Reach, ReachTable, Stroke
@@ -47,7 +46,6 @@ class PushingNode(Node, ABC):
         super().__init__(name, namespace=NAMESPACE, **options)
         self.worker = Worker(self, thread)
         self._events, self._is_updating = deque[Event](), False
-        self._reach_table: Publisher | None = None
         steady_timer(self, LOOK, lambda: self.update(events.TimePassed()))
 
     @property
@@ -116,25 +114,20 @@ class PushingNode(Node, ABC):
         planned = events.PushPlanned if isinstance(wanted, events.PlanPush) else events.WayPlanned
         self.update(planned(done.result() if error is None else error))
 
-    def _announce_reach(self) -> Publisher:
-        """Return the publisher of the table of reach, for which planners wait from now on."""
-        if self._reach_table is None:
-            self._reach_table = self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
-        return self._reach_table
-
     def find_reach(self, planner: PushPlanner) -> None:
-        """Take pushes once it is computed where the arm reaches; planners wait for that."""
-        self._announce_reach()
+        """Take pushes once it is computed where the arm reaches, or stated in its file."""
         self.worker.submit(
-            lambda: table_of_reach(planner),
+            lambda: reach_of(planner),
             lambda done: self.take_reach(done.result()),  # a wrong file of a robot ends the node
         )
 
     def take_reach(self, reach: Reach) -> None:
-        """Take pushes within a reach; publish it if it is a table."""
+        """Take pushes within a reach; publish it, unless planners begin with it."""
         self.driver.feasibility = replace(self.driver.feasibility, reach=reach)
-        if isinstance(reach, ReachTable):
+        if reach != Reach():
+            table = reach if isinstance(reach, ReachTable) else reach.table
             stamp = codec.encode_time(round(1e9 * self.driver.now()))
-            self._announce_reach().publish(codec.encode_reach(reach, stamp))
+            publisher = self.create_publisher(OccupancyGrid, "reach_table", LATCHED)
+            publisher.publish(codec.encode_reach(table, stamp))
             self.get_logger().info(f"the arm reaches {reach.describe()}")
         self.update(events.ReachFound())
