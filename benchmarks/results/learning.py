@@ -11,7 +11,7 @@ service, all with the earlier pushes of the episode, before it is learned from. 
 
 import argparse
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -23,13 +23,14 @@ from sain_core.errors import SainError
 from sain_core.model import RolloutModel, load_dynamics
 from sain_core.output import claim_folder, write_json
 from sain_core.randomness import Interval, bootstrap_ratio, generator
+from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, PushSequences, Scene
-from sain_eval.loop.play import play
+from sain_core.types import PredictedScenes, PushArray, PushSequences, Scene
+from sain_core.world import AnyWorld
+from sain_eval.loop.play import Sight, play
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.exploration.session import Watched
 from sain_lab.learner import Learner, Update, prediction_error
 from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
@@ -74,6 +75,31 @@ class InService:
 
     def regions(self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes) -> None:
         """Return None: regions come from the model with bodies."""
+
+
+class Watched(Sight):
+    """A world whose pushes are learned from."""
+
+    def __init__(
+        self,
+        world: AnyWorld[Any],
+        learn: Callable[[Result, PushHistory], None],
+        bodies: Bodies,
+        episode: str,
+    ) -> None:
+        super().__init__(world)
+        self._learn, self._bodies, self._episode = learn, bodies, episode
+        self._history = PushHistory.empty(len(world.observe()))
+
+    def push(self, push: PushArray, seen: Scene) -> Scene:
+        """Execute a push, and learn from it."""
+        before = self.world.observe()
+        after = super().push(push, seen)
+        if is_settled(after):
+            result = Result(push, before, after, bodies=self._bodies, episode=self._episode)
+            self._learn(result, self._history)
+            self._history = self._history.then(before, push, after)
+        return after
 
 
 @dataclass

@@ -25,7 +25,6 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each co
     "sain_eval evaluate": (),
     "sain_eval results": ("nowhere",),
     "sain_lab lab": ("replay", "nowhere"),
-    "sain_lab teach": (),
     "sain_model evaluate": ("nowhere",),
     "sain_model identify": ("nowhere",),
     "sain_model real_import": ("nowhere",),

@@ -6,7 +6,6 @@ from sain_core.cli.command_line import Command
 from sain_core.cli.node_command import NodeCommand
 
 lab: Final = Command("sain_lab lab", "cli.lab", resumes="push")
-teach: Final = Command("sain_lab teach", "cli.teach")
 learner_node: Final = NodeCommand(
     "sain_lab learner_node",
     about="Learns from the results of pushes in a laboratory, and has the model's node load what"

@@ -343,8 +343,7 @@ def _read_manifest(path: Path) -> Manifest:
     except FileNotFoundError:
         known = ", ".join(laboratory_names()) or "none"
         raise DatasetError(
-            f"there is no laboratory at {path}; there are: {known}; `graph --learn`, and `teach`"
-            " with --world, make one"
+            f"there is no laboratory at {path}; there are: {known}; `graph --learn` makes one"
         ) from None
     except (OSError, ValueError, LookupError, TypeError, AttributeError) as error:
         reason = f"it has no {error}" if isinstance(error, KeyError) else error

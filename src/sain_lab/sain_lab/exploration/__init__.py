@@ -1,1 +1,0 @@
-"""Pushes that inform most."""
