@@ -40,7 +40,6 @@ KEY_OF = {  # the rosdep keys of distributions, in rosdep/python.yaml of ros/ros
     "rosbags": "python3-rosbags-pip",
     "scipy": "python3-scipy",
     "shapely": "python3-shapely",
-    "tensorboardX": "python3-tensorboardX-pip",
     "torch": "python3-torch",
     "torchvision": "python3-torchvision",
     "trimesh": "python3-trimesh-pip",

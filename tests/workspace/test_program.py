@@ -17,7 +17,7 @@ VERSION = PYPROJECT["project"]["version"]
 # What `pip install .` does not bring: ROS 2, the graph's packages and the extras.
 NOT_INSTALLED = (
     "rclpy", "sain_interfaces", "std_msgs", "control_msgs", "tf2_msgs", "vision_msgs", "viser", "websockets", "trimesh", "example_robot_data", "pyarrow", "lerobot",
-    "gym_pusht", "ray", "tensorboardX", "torch",
+    "gym_pusht", "ray", "torch",
 )  # fmt: skip
 
 

@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import field, make_dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -16,7 +16,7 @@ from sain_model.training.settings import DEFAULT, PRESETS, TrainingConfig, Train
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
-    from sain_model.training.trainer import LossHistory, Progress
+    from sain_model.training.trainer import Progress
 
 
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
@@ -118,20 +118,12 @@ def run(options: TrainOptions, console: Console) -> None:
 def _show(
     options: TrainOptions, data: "Dataset", console: Console, name: str, epochs: int, done: int
 ) -> "Iterator[Progress]":
-    """Show a training in the terminal, and to TensorBoard where it is asked for.
+    """Show a training in the terminal.
 
     Its settings are written now, as a state of another training was not refused.
     """
-    from sain_model.training.fit import PUSHES, epoch_bar, event_log, save_settings
+    from sain_model.training.fit import epoch_bar, save_settings
 
     save_settings(options, data)
-    with ExitStack() as stack:
-        followers = [stack.enter_context(epoch_bar(console, epochs, done))]
-        if options.tensorboard and name == PUSHES:
-            followers.append(stack.enter_context(event_log(options.out, done)))
-
-        def advance(epoch: int, history: "LossHistory") -> None:
-            for follow in followers:
-                follow(epoch, history)
-
+    with epoch_bar(console, epochs, done) as advance:
         yield advance

@@ -9,7 +9,6 @@ are fitted anew. Where no epoch does better on the validation episodes, its own 
 """
 
 import json
-import math
 import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
@@ -280,7 +279,6 @@ def gain_line(gain: dict[str, Any], parent: str, part: str) -> str:
 
 # --- what is shown and written --------------------------------------------------------------------
 
-FOLDER: Final = "tensorboard"  # below the training's folder
 SETTINGS: Final = "config.json"
 PICTURES: Final = ("loss.png", "rollout_loss.png")
 
@@ -301,31 +299,6 @@ def epoch_bar(console: Console, epochs: int, done: int) -> Iterator[Progress]:
             bar.update(task, completed=epoch, losses=losses)
 
         yield advance
-
-
-@contextmanager
-def event_log(folder: Path, done: int) -> Iterator[Progress]:
-    """Write the losses of each epoch below a folder; those after `done` epochs are replaced.
-
-    Raises `ConfigError`: tensorboardX is not installed.
-    """
-    try:
-        from tensorboardX import SummaryWriter
-    except ImportError:
-        raise ConfigError(
-            "--tensorboard needs tensorboardX, which is not installed; install it with"
-            " pip install '.[tensorboard]' in the checkout, or leave --tensorboard out"
-        ) from None
-    writer: Any
-    with SummaryWriter(str(folder / FOLDER), purge_step=done + 1) as writer:
-
-        def add(epoch: int, history: LossHistory) -> None:
-            writer.add_scalar("loss/training", history.train[-1], epoch)
-            if math.isfinite(history.validation[-1]):
-                writer.add_scalar("loss/validation", history.validation[-1], epoch)
-            writer.flush()
-
-        yield add
 
 
 RESIDUALS: Final = (RESIDUAL, RECURRENT)  # without physics a network predicts all by itself

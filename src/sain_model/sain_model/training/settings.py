@@ -201,7 +201,4 @@ class TrainOptions(Config):
         "file of `sain_model identify`: the network corrects the physics found there, not --prior;"
         " empty: none",
     )
-    tensorboard: bool = option(
-        False, "write the losses for TensorBoard too; needs pip install '.[tensorboard]'"
-    )
     training: TrainingConfig = TrainingConfig()
