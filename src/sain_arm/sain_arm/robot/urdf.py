@@ -12,8 +12,9 @@ from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from sysconfig import get_path
-from typing import Final
+from typing import Any, Final
 
+import mujoco
 import numpy as np
 
 from sain_arm.robot.mesh import mesh_corners
@@ -259,9 +260,7 @@ class Urdf:
         if length > 0.0:
             link = next(one for one in robot.findall("link") if one.get("name") == ROD)
             link.append(_cylinder(length, radius))
-        compiler = ElementTree.Element("mujoco")
-        compiler.append(ElementTree.Element("compiler", COMPILER))
-        robot.insert(0, compiler)
+        robot.insert(0, _compiler())
         return ElementTree.tostring(robot, encoding="unicode")
 
     def _weigh(self, robot: ElementTree.Element, moved: set[str]) -> None:
@@ -303,6 +302,28 @@ class Urdf:
                 ' the scale is "0.001 0.001 0.001" for a mesh in millimetres, "1 1 1" for metres'
             )
         return path
+
+
+def read_links(description: str) -> Any:
+    """Return the specification of a description, as prepared or a driver's; no mesh is read.
+
+    Its bodies live no longer than it. Raises `ValueError`: MuJoCo takes it for no robot.
+    """
+    try:
+        robot = ElementTree.fromstring(description)
+    except ElementTree.ParseError as error:
+        raise ValueError(f"it is no XML: {error}") from error
+    if robot.find("mujoco") is None:
+        robot.insert(0, _compiler())
+    for part in (robot, *robot.findall("joint")):
+        _rename_world(part)
+    return mujoco.MjSpec.from_string(ElementTree.tostring(robot, encoding="unicode"))
+
+
+def _compiler() -> ElementTree.Element:
+    options = ElementTree.Element("mujoco")
+    options.append(ElementTree.Element("compiler", COMPILER))
+    return options
 
 
 def visible(description: str) -> str:
