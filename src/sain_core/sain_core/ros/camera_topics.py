@@ -1,5 +1,7 @@
 """A camera's topics, as realsense2_camera names them, and its frame."""
 
+from collections.abc import Callable
+from concurrent.futures import Future
 from typing import Final
 
 import numpy as np
@@ -13,8 +15,11 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from sain_core.camera.image_camera import ImageCameraConfig, Shot
+from sain_core.errors import SainError
+from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
 from sain_core.ros.qos import RELIABLE
+from sain_core.ros.worker import Worker
 
 COLOUR: Final = "camera/color/image_raw"
 INFO: Final = "camera/color/camera_info"
@@ -38,7 +43,7 @@ class CameraTopics:
 
     def __init__(self, node: Node, config: ImageCameraConfig, frame_prefix: str = "") -> None:
         """Create the publishers."""
-        self._config, self._frame = config, frame_prefix + OPTICAL_FRAME
+        self._node, self._config, self._frame = node, config, frame_prefix + OPTICAL_FRAME
         self._colour = node.create_publisher(Image, COLOUR, RELIABLE)
         self._info = node.create_publisher(CameraInfo, INFO, RELIABLE)
         self._depth = node.create_publisher(Image, DEPTH, RELIABLE)
@@ -53,6 +58,18 @@ class CameraTopics:
         rotation, place = self._config.stated_pose
         turn = Rotation.from_matrix(rotation).as_quat()
         return make_transform(codec.header(stamp), self._frame, place, turn)
+
+    def take(self, worker: Worker, shoot: Callable[[], Shot], stamp: Time) -> None:
+        """Take images on a worker's thread and publish them; log what hinders that."""
+
+        def publish(done: "Future[Shot]") -> None:
+            if isinstance(error := done.exception(), SainError):
+                text = f"no images: {shortened(str(error))}"
+                self._node.get_logger().error(text, throttle_duration_sec=10.0)
+            else:
+                self.publish(done.result(), stamp)
+
+        worker.submit(shoot, publish)
 
     def publish(self, shot: Shot, stamp: Time) -> None:
         """Publish images that were taken at a time, with their calibration."""

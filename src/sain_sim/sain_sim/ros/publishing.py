@@ -1,6 +1,5 @@
 """The simulator's topics: encodes and publishes its messages."""
 
-from concurrent.futures import Future
 from math import cos, sin
 from typing import Final
 
@@ -16,9 +15,6 @@ from tf2_msgs.msg import TFMessage
 from sain_arm.robot.arm_model import ArmModel
 from sain_arm.robot.robot import Robot
 from sain_arm.robot.urdf import visible
-from sain_core.camera.image_camera import Shot
-from sain_core.errors import SainError
-from sain_core.guarding.ros.reception import shortened
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics, make_transform
 from sain_core.ros.markers import MarkerBoard, markers_of, tool_marker
@@ -139,7 +135,8 @@ class Publishing:
             self._frames(settled=False)
         now = self.simulator.pacer.now
         if self.images.wanted and now >= self._next_shot:
-            self._shot(self.simulator.shoot(sample), self.now())
+            self._time_shot()
+            self.images.publish(self.simulator.shoot(sample), self.now())
 
     def look(self, worker: Worker) -> None:
         """Take images of bodies at rest, if somebody wants any; time goes on."""
@@ -151,21 +148,11 @@ class Publishing:
         else:
             simulator.pacer.skip(1.0 / simulator.config.images.rate)
         self.tick()
-        stamp = self.now()
+        self._time_shot()
+        self.images.take(worker, lambda: simulator.shoot(sample), self.now())
 
-        def publish(done: "Future[Shot]") -> None:
-            if isinstance(error := done.exception(), SainError):
-                text = f"no images: {shortened(str(error))}"
-                self.node.get_logger().error(text, throttle_duration_sec=10.0)
-            else:
-                self._shot(done.result(), stamp)
-
-        worker.submit(lambda: simulator.shoot(sample), publish)
-
-    def _shot(self, shot: Shot, stamp: Time) -> None:
-        """Publish images that were taken at a time."""
+    def _time_shot(self) -> None:
         self._next_shot = self.simulator.pacer.now + 1.0 / self.simulator.config.images.rate
-        self.images.publish(shot, stamp)
 
     def tick(self) -> None:
         """Publish the simulated time."""

@@ -1,12 +1,10 @@
 """A bench in place of a robot: serves FollowJointTrajectory, with a camera over the table."""
 
-import concurrent.futures
 from functools import cached_property
 from time import monotonic
 from typing import Any, Final
 
 import numpy as np
-from builtin_interfaces.msg import Time
 from control_msgs.action import FollowJointTrajectory
 from geometry_msgs.msg import Point, Pose, PoseArray, Quaternion
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -22,7 +20,7 @@ from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import FASTEST
 from sain_arm.robot.urdf import visible
 from sain_arm.ros.joint_listener import BEYOND
-from sain_core.camera.image_camera import ImageCamera, Shot
+from sain_core.camera.image_camera import ImageCamera
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
@@ -62,40 +60,23 @@ class BenchCamera:
         self._static = node.create_publisher(TFMessage, "/tf_static", LATCHED)
         stamp = node.get_clock().now().to_msg()
         self._static.publish(TFMessage(transforms=[self._topics.transform(stamp)]))
-        self._worker, self._is_busy = Worker(node, "camera"), False
+        self.worker = Worker(node, "camera")
         steady_timer(node, 1.0 / config.images.rate, self._look)
 
     @cached_property
     def _camera(self) -> ImageCamera:
         """The camera, made on its thread with the first image: most benches take none."""
-        bench = self._bench
-        return image_camera(
-            self._config,
-            bench.robot,
-            bench.bodies.bodies,
-            bench.bodies.radii,
-            tags=bench.bodies.tags,
-        )
+        bodies = self._bench.bodies
+        seen = self._bench.robot, bodies.bodies, bodies.radii
+        return image_camera(self._config, *seen, tags=bodies.tags)
 
     def _look(self) -> None:
-        bench = self._bench
-        if self._is_busy or not self._topics.wanted or bench.controller.is_dark(bench.time):
+        bench, worker = self._bench, self.worker
+        if worker.pending or not self._topics.wanted or bench.controller.is_dark(bench.time):
             return
-        self._is_busy = True
         joints, scene = bench.joints, bench.observe()
         stamp = self._node.get_clock().now().to_msg()
-        self._worker.submit(
-            lambda: self._camera.take(joints, scene, self._random),
-            lambda done: self._publish(done, stamp),
-        )
-
-    def _publish(self, done: "concurrent.futures.Future[Shot]", stamp: Time) -> None:
-        self._is_busy = False
-        self._topics.publish(done.result(), stamp)
-
-    def close(self) -> None:
-        """End the thread."""
-        self._worker.close()
+        self._topics.take(worker, lambda: self._camera.take(joints, scene, self._random), stamp)
 
 
 class TrajectoryServer(Node):
@@ -260,6 +241,6 @@ class TrajectoryServer(Node):
 
     def destroy_node(self) -> None:
         """End camera and simulation, too."""
-        self.camera.close()
+        self.camera.worker.close()
         super().destroy_node()
         self.bench.close()
