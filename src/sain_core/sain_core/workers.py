@@ -112,41 +112,30 @@ def run_on_workers(
                 calls = _calls(work, jobs[first : first + ROUND * size])
                 yield from Parallel(size, "ray", batch_size=1)(calls)
     elif size > 1:
-        with closing(start_processes(work, jobs, size, ordered)) as results:
-            yield from results
+        yield from _in_processes(work, jobs, size, ordered)
     elif jobs:
         with closing(work.start()) as runner:
             yield from map(runner.run, jobs)
 
 
-def start_processes(
-    work: Work, jobs: Sequence[Any], size: int, ordered: bool = True
+def _in_processes(
+    work: Work, jobs: Sequence[Any], size: int, ordered: bool
 ) -> Generator[Any, None, None]:
-    """Begin to do jobs in so many processes, and return the generator of their results.
-
-    To close it ends the processes, also in the middle of a job.
-    """
+    """Do jobs in so many processes; to close this ends them, also in the middle of a job."""
     kind = "generator" if ordered else "generator_unordered"
     owner = {"initializer": _end_with, "initargs": (os.getpid(),)}
     with parallel_config("loky", inner_max_num_threads=1, **owner), _interrupts_kept():
         parallel = Parallel(size, return_as=kind, batch_size=1, max_nbytes=None)
-        results = _until_closed(parallel(_calls(work, jobs)), len(jobs))
-    next(results)
-    return results
-
-
-def _until_closed(results: Generator[Any, None, None], jobs: int) -> Generator[Any, None, None]:
-    done = 0
+        results, done = parallel(_calls(work, jobs)), 0
     try:
-        yield None  # from here on, to close it ends the processes
         for result in results:
             yield result
             done += 1
     except TerminatedWorkerError as error:
         code = "".join(re.findall(r"\{(.*)\}", str(error)))
         raise SainError(
-            f"a worker process died with exit code {code} after {done} of {jobs} jobs; where memory"
-            " is short, use fewer workers"
+            f"a worker process died with exit code {code} after {done} of {len(jobs)} jobs; where"
+            " memory is short, use fewer workers"
         ) from error
     finally:
         with warnings.catch_warnings():  # joblib counts the jobs that are not needed any more
