@@ -109,7 +109,7 @@ def waits(said: str) -> int:
 def test_a_training_ends_with_the_process_that_began_it(tmp_path):
     """Kill a process that has begun a training; what it trains on does not matter."""
     code = (
-        "import time; from pathlib import Path; from sain_lab.training import Training;"
+        "import time; from pathlib import Path; from sain_lab.network_training import Training;"
         "from sain_lab.storage.laboratory import OpenLaboratory;"
         f"one = Training.start(OpenLaboratory(Path({str(tmp_path / 'lab')!r})), 0, 50);"
         "print(one._process.pid, flush=True); time.sleep(600)"

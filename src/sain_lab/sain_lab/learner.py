@@ -13,10 +13,10 @@
    earlier pushes as in deployment: `planar`, `physics` (as believed), `shipped`, the network in
    service, and a candidate. The push and its errors are one record of the log.
 2. The state takes the record (`sain_lab.state`): beliefs and bets change.
-3. A network is trained in a process of its own (`sain_lab.training`) when the pushes have grown by
-   half since the last one. It becomes the candidate, and is judged on the pushes that came while it
-   was trained. It goes into service when it errs less beyond chance on pushes that it has not
-   seen, and out when it errs more (`sain_lab.judging.sequential_test`).
+3. A network is trained in a process of its own (`sain_lab.network_training`) when the pushes have
+   grown by half since the last one. It becomes the candidate, and is judged on the pushes that came
+   while it was trained. It goes into service when it errs less beyond chance on pushes that it has
+   not seen, and out when it errs more (`sain_lab.judging.sequential_test`).
 
 All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
 was begun, and finds in `waiting` what was received and not learned from.
@@ -38,6 +38,7 @@ from sain_core.scene import POSITION
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
 from sain_lab.judging.judge import RECENT
+from sain_lab.network_training import Training
 from sain_lab.serving import load_service, model_name
 from sain_lab.state import Job, State
 from sain_lab.storage import log
@@ -51,7 +52,6 @@ from sain_lab.storage.laboratory import (
 )
 from sain_lab.storage.log import Event
 from sain_lab.storage.results import Result, why_not
-from sain_lab.training import Training
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.inference.kinds import FRICTION, write_belief

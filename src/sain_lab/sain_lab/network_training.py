@@ -1,7 +1,8 @@
-"""Trains a network of a laboratory: the residual of the believed physics.
+"""Trains a network of a laboratory: the residual of the believed physics, in a process of its own.
 
-``python -m sain_lab.network_training LABORATORY SINCE PUSHES`` ends with its standard input. It
-reads the log as it is, and writes a checkpoint. An episode's other pushes show its friction, as in
+``python -m sain_lab.network_training LABORATORY SINCE PUSHES`` has one thread and the lowest
+priority, and ends with its standard input, so with the process that started it. It reads the log as
+it is, and writes a checkpoint. An episode's other pushes show its friction, as in
 ``sain_model train``. The network sees places and headings in the world, which the shipped one does
 not: on few pushes most of what physics leaves depends on them. An ensemble of small networks, each
 on episodes drawn with replacement, keeps to what many pushes agree on.
@@ -10,6 +11,7 @@ on episodes drawn with replacement, keeps to what many pushes agree on.
 import hashlib
 import os
 import resource
+import subprocess
 import sys
 import tempfile
 from collections import deque
@@ -18,7 +20,7 @@ from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from threading import Thread
-from typing import Any, Final
+from typing import Any, Final, Self
 
 import numpy as np
 
@@ -48,6 +50,54 @@ MEMBERS: Final = 8
 BATCH: Final = 64  # pushes
 PATIENCE: Final = 25  # epochs
 VALIDATION: Final = 0.2  # of the episodes
+NICE: Final = 19
+THREADS: Final = ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class Training:
+    """A training under way."""
+
+    def __init__(self, process: "subprocess.Popen[str]") -> None:
+        self._process = process
+
+    @classmethod
+    def start(cls, laboratory: Laboratory, since: int, pushes: int) -> Self:
+        """Start to train on the pushes of a laboratory behind the first, up to a number."""
+        words = str(laboratory.path), str(since), str(pushes)
+        command = [sys.executable, "-m", "sain_lab.network_training", *words]
+        process = subprocess.Popen(
+            ["nice", "-n", str(NICE), *command],
+            stdin=subprocess.PIPE,  # which ends with this process
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ | dict.fromkeys(THREADS, "1"),
+        )
+        return cls(process)
+
+    @property
+    def running(self) -> bool:
+        """Whether it goes on."""
+        return self._process.poll() is None
+
+    @property
+    def problem(self) -> str:
+        """Why there is no network; empty: there is."""
+        _, errors = self._process.communicate()
+        if (code := self._process.returncode) == 0:
+            return ""
+        ended = f"the training ended with code {code}"
+        return (errors.strip().splitlines() or [ended])[-1][-300:]
+
+    def wait(self) -> None:
+        """Wait for its end."""
+        self._process.wait()
+
+    def stop(self) -> None:
+        """Stop it; no network is written."""
+        if self.running:
+            self._process.kill()
+        self._process.communicate()
 
 
 def train(laboratory: Laboratory, since: int, pushes: int) -> Path:

@@ -3,6 +3,9 @@
 The plane of the tags is known. So each corner is a ray that meets it at one place, and a body's
 pose in the plane is a weighted least squares of these places. That needs no pose of a tag in six
 dimensions, which flips between two solutions where a tag is small (apriltag_ros, issue 178).
+
+A corner alone is as exact as the few pixels about it. A side of 35 pixels is a line through as
+many of them, so corners that are the ends of lines are several times as exact.
 """
 
 from collections import defaultdict
@@ -21,7 +24,6 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import BodyFile, Tag
 from sain_vision.detection.planar_fit import fit_pose
-from sain_vision.detection.sides import refine_corners
 from sain_vision.detection.sighting import Sighting
 from sain_vision.optics import CameraModel, PlanePoints
 
@@ -32,8 +34,16 @@ BIT_ERRORS: Final = {"36h11": 2, "25h9": 1, "16h5": 0}
 """Bits that may be wrong. More would find few more tags, and read a tag out of every 400th square
 of noise."""
 HINTS: Final = 100  # squares that are none of the family, at most, where others are looked for
+ALONG: Final = np.linspace(0.12, 0.88, 24)  # of a side, where its edge is looked for
+SAMPLES: Final = 21  # across an edge
+REACHES: Final = ((4.0, 0.11), (2.5, 0.07), (2.5, 0.07))
+"""[px] to both sides of an edge, and at most so much of a side, in each round: a tag's black border
+and the white one around it are an eighth of a side."""
+FARTHEST: Final = 4.0  # [px], a corner that moves more is left as it was found
+
 Grey = UInt8[ndarray, "height width"]
 Corners = Float[ndarray, "4 2"]  # [px]: upper left, upper right, lower right, lower left
+Quads = Float[ndarray, "M 4 2"]
 
 
 @dataclass(frozen=True)
@@ -74,7 +84,7 @@ class TagFinder:
         if numbers is not None:
             # OpenCV has its tags upside down.
             corners = np.roll(np.concatenate(squares).astype(np.float64), 2, axis=1)
-            for number, four in zip(numbers.ravel(), refine_corners(image, corners), strict=True):
+            for number, four in zip(numbers.ravel(), _refine_corners(image, corners), strict=True):
                 found[int(number)].append(four)
         few = not found and 0 < len(others) <= HINTS
         self.problems = _hints(image, self._family) if few else []
@@ -107,6 +117,58 @@ def _hints(image: Grey, family: str) -> list[str]:
         if other != family and _detector(other, 0).detectMarkers(image)[1] is not None:
             return [f"the tags in the image are of family {other}; tags.family is {family}"]
     return []
+
+
+def _refine_corners(image: Grey, corners: Quads) -> Quads:
+    """Return the corners of M dark squares on white from the lines along their sides."""
+    refined = corners
+    for pixels, share in REACHES:
+        sides = np.linalg.norm(np.roll(refined, -1, axis=1) - refined, axis=2)
+        refined = _refined(image, refined, np.minimum(pixels, share * sides.min(axis=1)))
+    moved = np.linalg.norm(refined - corners, axis=2).max(axis=1)
+    kept = np.isfinite(moved) & (moved < FARTHEST)
+    return np.where(kept[:, None, None], refined, corners)
+
+
+def _refined(image: Grey, corners: Quads, reach: Float[ndarray, "M"]) -> Quads:
+    """Return corners from edges that are no farther from the sides than a reach [px]."""
+    ends = np.roll(corners, -1, axis=1)
+    ways = ends - corners  # (M, 4, 2)
+    lengths = np.linalg.norm(ways, axis=2)
+    # Clockwise in the image, where y points down: outward is the way turned to its left.
+    normals = np.stack([ways[..., 1], -ways[..., 0]], axis=-1) / lengths[..., None]
+    places = corners[:, :, None] + ALONG[:, None] * ways[:, :, None]  # (M, 4, A, 2)
+    offsets = reach[:, None] * np.linspace(-1.0, 1.0, SAMPLES)  # (M, C)
+    sampled = (
+        places[:, :, :, None] + offsets[:, None, None, :, None] * normals[:, :, None, None]
+    )  # (M, 4, A, C, 2)
+    x, y = sampled.astype(np.float32).reshape(len(sampled), -1, 2).transpose(2, 0, 1)
+    values = cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    profiles = values.reshape(sampled.shape[:-1]).astype(np.float64)
+    rises = np.maximum(np.diff(profiles, axis=-1), 0.0)
+    middles = (offsets[:, 1:] + offsets[:, :-1])[:, None, None] / 2
+    shifts = (rises * middles).sum(axis=-1) / np.maximum(rises.sum(axis=-1), 1e-9)  # (M, 4, A)
+    edges = places + shifts[..., None] * normals[:, :, None]
+    return _intersections(*_lines(edges))
+
+
+def _lines(edges: Float[ndarray, "M 4 A 2"]) -> tuple[ndarray, ndarray]:
+    """Return a point (M, 4, 2) and a direction (M, 4, 2) of the line nearest to places."""
+    middle = edges.mean(axis=2)
+    away = edges - middle[:, :, None]
+    spread = np.einsum("msai,msaj->msij", away, away)
+    return middle, np.linalg.eigh(spread)[1][..., 1]
+
+
+def _intersections(points: ndarray, ways: ndarray) -> Quads:
+    """Return the corners (M, 4, 2) where each line meets the one before it."""
+    before, way = np.roll(points, 1, axis=1), np.roll(ways, 1, axis=1)
+    cross = way[..., 0] * ways[..., 1] - way[..., 1] * ways[..., 0]
+    gap = points - before
+    share = (gap[..., 0] * ways[..., 1] - gap[..., 1] * ways[..., 0]) / np.where(
+        np.abs(cross) > 1e-6, cross, np.nan
+    )
+    return np.asarray(before + share[..., None] * way)
 
 
 class TagLocator:
