@@ -10,9 +10,10 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from sain_core.push import make_push
-from sain_core.scene import POSITION
 from sain_core.view.image import TopPicture
 from sain_core.view.palette import PALETTE, rgba
+from sain_core.view.scenes import bodies_in, goal_marks
+from sain_core.view.things import hue
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_gym.push_env import FIRST_DRAWN
 from tests.sain_gym.playing import digest, played, random_actions
@@ -25,6 +26,10 @@ env = gymnasium.make("sain_gym:sain/Push-v0", scenario="anywhere").unwrapped
 print(digest(played(env, 3, random_actions(env, 6))))
 print(sorted({"torch", "numba", "matplotlib", "rclpy"} & set(sys.modules)))
 """
+
+
+def paint(colour: str) -> np.ndarray:
+    return np.round(255 * np.array(rgba(colour)[:3]))
 
 
 def check(env: gymnasium.Env) -> None:
@@ -83,9 +88,15 @@ def test_a_fresh_process_gives_the_same_bytes_and_loads_no_planner(make):
 def test_an_image_shows_bodies_and_goal_and_is_rendered_only_when_asked_for(make):
     env = make(scenario="rearrange_3", observation="image", image_size=240)
     image, _ = env.reset(seed=2)
-    kept, at = image.copy(), TopPicture(240).pixel(env.scene[0, POSITION])
-    mid, goal = (np.round(255 * np.array(rgba(one)[:3])) for one in (PALETTE.mid, PALETTE.goal))
-    assert (image[at] == mid).all() and (image == goal).all(axis=-1).any()
+    kept, picture, record = image.copy(), TopPicture(240), env.episode.record
+    marks = goal_marks(record.goal, env.scene, record.bodies)
+    first, *_ = bodies_in(env.scene, record.bodies, record.goal)
+    for body in (first, *(mark.body for mark in marks)):
+        assert (image[picture.pixel(body.place)] == paint(hue(body))).all()
+    for corner in np.concatenate([mark.body.outline for mark in marks])[::8]:
+        row, column = picture.pixel(corner)
+        near = image[row - 2 : row + 3, column - 2 : column + 3]
+        assert (near == paint(PALETTE.goal)).all(axis=-1).any()
     after, *_ = env.step(make_push(0.0, 0.0, 0.15))
     assert (after != image).any() and np.array_equal(image, kept)
     assert env.render() is None

@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch
-from scipy.spatial import cKDTree
 
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
 from sain_core.push import make_push
 from sain_core.scene import POSITION, THETA, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.view.image import TopPicture
-from sain_core.view.palette import PALETTE, rgba
+from sain_core.view.palette import PALETTE
 from sain_core.view.scenes import (
     bodies_in,
     episode_things,
@@ -33,7 +31,6 @@ from sain_core.view.things import (
     PushArrow,
     ReachArea,
     Region,
-    TableTop,
     Thing,
     hue,
 )
@@ -49,7 +46,7 @@ START = make_scene(
 )
 PUSH = make_push(0.5, 0.1, 0.12)
 LIMITS = Feasibility().limits
-NEAR = 0.012  # [m], as exact as pixels are
+NEAR = 0.012  # [m]
 
 
 def moved(scene: np.ndarray, body: int, way: tuple[float, float], turn: float = 0.0) -> np.ndarray:
@@ -164,29 +161,6 @@ class OnAxes(Drawn):
             else:
                 lines.append(patch.get_patch_transform().transform(patch.get_path().vertices))
         return any(_holds(line, places) for line in lines)
-
-
-class AsImage(Drawn):
-    def __init__(self, things: list[Thing]) -> None:
-        self.picture = TopPicture(500)
-        self.things = things
-
-    def has(self, thing: Thing, places: np.ndarray) -> bool:
-        places, colour = list(places), PALETTE.table
-        if isinstance(thing, TableTop | ReachArea):
-            image, reach = self.picture.draw([]), Feasibility().reach
-            if isinstance(thing, ReachArea):
-                colour = PALETTE.reach
-            else:
-                places = [place for place in places if not reach.contains(place)]
-        else:
-            image, colour = self.picture.draw([thing]), hue(thing)
-        wanted = np.round(255 * np.array(rgba(colour)[:3]))
-        painted = np.argwhere(np.abs(image.astype(float) - wanted).max(axis=-1) < 60)
-        assert len(painted) and places
-        pixels = np.array([self.picture.pixel(place) for place in places])
-        away = cKDTree(painted).query(pixels)[0]
-        return bool((away < NEAR / 1.24 * 500).all())
 
 
 class AsMarkers(Drawn):
@@ -314,7 +288,7 @@ def places_of(thing: Thing) -> list[np.ndarray]:
 
 
 ROUND = np.array([(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)])
-BACK_ENDS: list[Callable[[list[Thing]], Drawn]] = [OnAxes, AsImage, AsMarkers, OnPage, AsJson]
+BACK_ENDS: list[Callable[[list[Thing]], Drawn]] = [OnAxes, AsMarkers, OnPage, AsJson]
 
 
 @pytest.mark.parametrize("draw", BACK_ENDS)

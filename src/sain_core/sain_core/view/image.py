@@ -1,4 +1,4 @@
-"""Things from above as a small image: x points up and y to the left, as seen from behind the arm.
+"""Bodies and goals as a small image: x points up and y to the left, as seen from behind the arm.
 
 Everything is drawn larger and averaged down, which smooths the edges. The arm is not drawn.
 """
@@ -11,31 +11,18 @@ from jaxtyping import UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw
 
-from sain_core.scene import Table, unit
+from sain_core.scene import Table
 from sain_core.types import Place, Points
 from sain_core.view.palette import PALETTE
 from sain_core.view.scenes import stage
-from sain_core.view.things import (
-    BodyPath,
-    DrawnBody,
-    GoalMark,
-    Look,
-    PushArrow,
-    ReachArea,
-    Region,
-    TableTop,
-    Thing,
-    hue,
-)
+from sain_core.view.things import DrawnBody, GoalMark, ReachArea, TableTop, Thing, hue
 
 TopImage = UInt8[ndarray, "size size 3"]
 
 MARGIN: Final = 0.02  # [m], about the table
 FINENESS: Final = 4  # drawn so many times larger
 LINE: Final = 0.009  # [m], width of the outline of a goal
-THIN: Final = 0.004  # [m], width of other lines
 DOT: Final = 0.012  # [m], radius of the middle of a goal
-HEAD: Final = 0.03  # [m], length of the head of an arrow
 
 
 class TopPicture:
@@ -51,24 +38,15 @@ class TopPicture:
         self._empty = Image.new("RGB", (FINENESS * size,) * 2, PALETTE.line)
         self._draw_stage(stage())
 
-    def draw(self, things: Iterable[Thing]) -> TopImage:
+    def draw(self, things: Iterable[DrawnBody | GoalMark]) -> TopImage:
         """Return an image of things on the table."""
         canvas = self._empty.copy()
         draw = ImageDraw.Draw(canvas)
         for thing in things:
-            match thing:
-                case DrawnBody(look=Look.NOW):
-                    draw.polygon(self._pixels(thing.outline), fill=hue(thing))
-                case DrawnBody():
-                    self._ring(draw, thing.outline, hue(thing), THIN)
-                case BodyPath():
-                    self._line(draw, thing.points, hue(thing), THIN)
-                case GoalMark():
-                    self._draw_goal(draw, thing)
-                case PushArrow():
-                    self._draw_arrow(draw, thing)
-                case Region():
-                    self._circle(draw, thing.place, thing.radius, None, hue(thing))
+            if isinstance(thing, GoalMark):
+                self._draw_goal(draw, thing)
+            else:
+                draw.polygon(self._pixels(thing.outline), fill=hue(thing))
         return np.array(canvas.reduce(FINENESS))
 
     def pixel(self, place: Place) -> tuple[int, int]:
@@ -87,31 +65,12 @@ class TopPicture:
 
     def _draw_goal(self, draw: ImageDraw.ImageDraw, goal: GoalMark) -> None:
         """Draw the outline, over the bodies, and a dot of the colour of the body."""
-        self._ring(draw, goal.body.outline, hue(goal), LINE)
-        self._circle(draw, goal.body.place, DOT, hue(goal.body), PALETTE.paper)
-
-    def _draw_arrow(self, draw: ImageDraw.ImageDraw, push: PushArrow) -> None:
-        way = push.end - push.start
-        along = unit(np.arctan2(way[1], way[0]))
-        aside, neck = 0.4 * HEAD * np.array([-along[1], along[0]]), push.end - HEAD * along
-        self._line(draw, np.stack([push.start, neck]), hue(push), THIN)
-        head = np.stack([push.end, neck + aside, neck - aside])
-        draw.polygon(self._pixels(head), fill=hue(push))
-
-    def _circle(
-        self, draw: ImageDraw.ImageDraw, place: Place, radius: float, fill: str | None, outline: str
-    ) -> None:
-        ((x, y),) = self._pixels(place[None])
-        size = radius * self._scale
-        box = (x - size, y - size, x + size, y + size)
-        draw.ellipse(box, fill=fill, outline=outline, width=FINENESS)
-
-    def _ring(self, draw: ImageDraw.ImageDraw, corners: Points, colour: str, width: float) -> None:
-        self._line(draw, np.concatenate([corners, corners[:2]]), colour, width)  # all joints round
-
-    def _line(self, draw: ImageDraw.ImageDraw, points: Points, colour: str, width: float) -> None:
-        pixels = max(1, round(width * self._scale))
-        draw.line(self._pixels(points), fill=colour, width=pixels, joint="curve")
+        corners, width = goal.body.outline, max(1, round(LINE * self._scale))
+        closed = np.concatenate([corners, corners[:2]])  # all joints round
+        draw.line(self._pixels(closed), fill=hue(goal), width=width, joint="curve")
+        ((x, y),), size = self._pixels(goal.body.place[None]), DOT * self._scale
+        box, rim = (x - size, y - size, x + size, y + size), PALETTE.paper
+        draw.ellipse(box, fill=hue(goal.body), outline=rim, width=FINENESS)
 
     def _pixels(self, points: Points) -> list[tuple[float, float]]:
         """Return points (M, 2) [m] on the canvas."""

@@ -2,8 +2,9 @@
 
 `sain_core.view.scenes` makes lists of them from a scene, a row (an executed push) or a plan. What
 draws them is thin and computes no outline, colour, arrow or region: Matplotlib
-(`sain_eval.plots`), viser (`sain_live.page`), markers for RViz (`sain_core.ros.markers`), images
-(`sain_core.view.image`) and the JSON of the report page (`sain_bags.report.drawn`).
+(`sain_eval.plots`), viser (`sain_live.page`), markers for RViz (`sain_core.ros.markers`), the JSON
+of the report page (`sain_bags.report.drawn`) and, bodies and goals alone, the images of the
+Gymnasium environment (`sain_core.view.image`).
 """
 
 from dataclasses import dataclass
