@@ -81,3 +81,18 @@ def test_a_scene_waits_for_the_result_of_the_push_before(tracker, clock):
     assert tracker.next_scene() is None
     tracker.ended(7, ErrorCode.OK)
     assert job_of(tracker).observed.key == (1, 2)
+
+
+def test_a_scene_that_a_stray_message_interrupts_is_decided_on_again(tracker):
+    tracker.set_goal(TASK)
+    tracker.observe(view())
+    job = job_of(tracker)
+    tracker.observe(view(0, settled=False))
+    assert not tracker.is_current(job)  # its decision is not sent
+    tracker.observe(view())
+    job_of(tracker)
+    tracker.sent(10, PUSH)
+    tracker.observe(view(0, settled=False))
+    tracker.ended(10, ErrorCode.STALE_SCENE)
+    tracker.observe(view())
+    assert job_of(tracker).observed.key == (1, 1)

@@ -57,7 +57,7 @@ class GoalTracker:
     def observe(self, scene: SceneObserved) -> None:
         """Take note of a scene."""
         if self.observed is None or scene.key != self.observed.key:
-            self.refused, self._awaited = (), None
+            self.refused, self._decided, self._awaited = (), None, None
         elif self._overdue():
             self._decided, self._awaited = None, None
         if scene.settled and (self._arrived is None or self._arrived[0] != scene.key):
