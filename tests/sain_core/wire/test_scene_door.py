@@ -65,7 +65,7 @@ BAD = {
 @pytest.mark.parametrize(("message", "text"), BAD.values(), ids=BAD)
 def test_a_bad_scene_is_refused_with_what_is_wrong_and_the_good_one_stays(message, text):
     door = SceneDoor()
-    door.state_bodies(TWO, 1)
+    door.state_bodies(TWO, 1, 10.0)
     good = door.take(scene(), 10.0, 100.0)
     with pytest.raises(InvalidInputError, match=text):
         door.take(message, 10.0, 100.0)
@@ -116,8 +116,20 @@ def test_a_stroke_needs_the_bodies_that_it_was_planned_for(message, text):
 def test_bodies_that_come_after_their_scene_show_that_it_was_bad():
     door = SceneDoor()
     door.take(scene(body()), 10.0, 100.0)
-    door.state_bodies(TWO, 1)
+    door.state_bodies(TWO, 1, 10.0)
     assert (door.seen, door.trouble) == (None, "it has 1 bodies; episode 1 has 2")
+
+
+@pytest.mark.parametrize("others", [["disk"], ["disk", "t"]])
+def test_bodies_stay_what_they_are_while_scenes_of_their_episode_come(others):
+    door, changed = SceneDoor(), Bodies.named(others)
+    door.state_bodies(TWO, 1, 10.0)
+    door.take(scene(), 10.0, 100.0)
+    with pytest.raises(InvalidInputError, match=r"within its episode|and has 1 now"):
+        door.state_bodies(changed, 1, 10.5)
+    assert (door.bodies, door.trouble) == (TWO, "")
+    door.state_bodies(changed, 1, 10.1 + ANEW)  # whoever made the scenes began anew
+    assert door.bodies is changed
 
 
 def test_a_converter_that_starts_anew_is_believed_after_a_pause():
@@ -144,7 +156,7 @@ def test_whatever_comes_what_is_held_is_good_and_a_push_needs_that_it_is_the_lat
     for step, pause in steps:
         time += pause
         if step == "shapes":
-            door.state_bodies(TWO, 1)
+            door.state_bodies(TWO, 1, time)
         elif step != "nothing":
             shift = time if step == "good" else 0.0
             message = scene(stamp=100.0 + shift) if step == "good" else BAD[step][0]

@@ -210,7 +210,7 @@ class PushDriver:
         return checked_stroke(push, scene, at_rest, self.feasibility, bodies, planned_from)
 
     def _on_bodies(self, message: BodiesMessage) -> None:
-        self._door.state_bodies(decode_bodies(message), message.episode_id)
+        self._door.state_bodies(decode_bodies(message), message.episode_id, monotonic())
 
     def _on_scene(self, message: Scene) -> None:
         """Take note of a scene; the first at rest after a push is where that led."""

@@ -13,6 +13,7 @@ from sain_core.errors import InvalidInputError, StaleSceneError
 from sain_core.scene import POSITION, VELOCITY
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
+from sain_core.wire.bodies import check_unchanged
 
 OLD: Final = 0.5  # [s], age of a scene above which no stroke is made from it
 ANEW: Final = 1.0  # [s] without a scene, after which stamps and ids may begin anew
@@ -71,8 +72,14 @@ class SceneDoor:
         self.episode_id = 0
         self._settled: SeenScene | None = None  # the latest such one with the ids of `seen`
 
-    def state_bodies(self, bodies: Bodies, episode_id: int) -> None:
-        """Take the bodies of an episode; a scene of it with another number of them was bad."""
+    def state_bodies(self, bodies: Bodies, episode_id: int, now: float) -> None:
+        """Take the bodies of an episode; a scene of it with another number of them was bad.
+
+        Raises `InvalidInputError` where an episode of which scenes come has other bodies.
+        """
+        goes_on = self.seen is not None and now <= self.seen.came + ANEW
+        if goes_on and self.bodies is not None and episode_id == self.episode_id:
+            check_unchanged(self.bodies, bodies)
         self.bodies, self.episode_id = bodies, episode_id
         if self.seen is not None and (text := self._miscounted(self.seen)):
             self.seen, self._settled, self.trouble = None, None, text
