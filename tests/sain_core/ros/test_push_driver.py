@@ -188,3 +188,21 @@ def test_the_events_can_lead_to_each_kind_of_answer(alone):
         robot.comes("rests")
         robot.follow()
         assert ErrorCode(robot.results[-1].error_code) is code, robot.results[-1].error_message
+
+
+def test_no_result_is_taken_from_scenes_while_two_nodes_publish_them(alone):
+    robot = Robot()
+    alone.setattr(push_driver, "monotonic", lambda: robot.time)
+    robot.comes("rests")
+    robot.pushes("good")
+    robot.strokes("moves")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(push_driver, "find_second_publisher", lambda _, topics: "scene" in topics)
+        robot.pushed += 0.1
+        robot.comes("rests")
+    assert not robot.results
+    robot.pushed -= 0.1
+    robot.comes("rests")
+    (result,) = robot.results
+    moved = wire.decode_disks(result.after.disks) - wire.decode_disks(result.before.disks)
+    np.testing.assert_allclose(moved[0, X], 0.03)
