@@ -2,22 +2,30 @@
 
 The bench's arm and table are nodes of this process, so what is really moved is known here.
 Driver, planner, model, scenes and enable signal are the processes that an owner of a robot runs.
+`SPOILT` has what a broken sender sends, `FAULTS` what is done, and when.
 """
 
 import random
+import subprocess
 import time
 from collections import Counter, defaultdict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
+from copy import deepcopy
 from dataclasses import replace
-from functools import partial
-from math import inf
+from functools import partial, reduce
+from itertools import cycle
+from math import inf, nan
 from pathlib import Path
-from threading import Thread
+from threading import Thread, Timer
 from typing import Any, Final
 
 import numpy as np
+from builtin_interfaces.msg import Time
+from control_msgs.action import FollowJointTrajectory
+from geometry_msgs.msg import Quaternion
 from nav_msgs.msg import OccupancyGrid
+from rclpy.action import ActionServer
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool
@@ -26,6 +34,7 @@ from vision_msgs.msg import Detection3DArray
 from benchmarks.faults.running import NEVER, own_domain, strike
 from benchmarks.faults.table import Row
 from sain_arm.planning.push_events import Ended, Ending
+from sain_arm.ros.enabling import HOLD
 from sain_bringup.bench import ENABLE, ROBOT, SERVER
 from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import (
@@ -46,8 +55,10 @@ from sain_core.ros import codec
 from sain_core.ros.node_main import ros_context, steady_timer
 from sain_core.ros.qos import LATCHED, QUEUE, RELIABLE
 from sain_core.scene import POSITION, THETA
+from sain_core.shapes.bodies import Bodies
 from sain_core.world import ObservationConfig
-from sain_interfaces.msg import Goal, GoalPose, Plan, PushResult
+from sain_interfaces.msg import Bodies as BodiesMessage
+from sain_interfaces.msg import Goal, GoalPose, Plan, Push, PushResult, Scene
 from sain_sim.bench.faults import NONE
 from sain_sim.ros.trajectory_server import TrajectoryServer
 from sain_sim.world.engines import MUJOCO
@@ -58,7 +69,7 @@ from sain_vision.ros.detections import encode_sightings
 ENDING: Final = (ROBOT, ENABLE)  # processes whose death ends the graph, and stops the arm
 PACE: Final = 2.0
 FRAME: Final = 1.0 / 30.0  # [s]
-LASTING: Final = 5.0  # [s] that a fault of the camera lasts
+LASTING: Final = 5.0  # [s] that a fault lasts
 NOISE: Final = (0.0005, 0.005)  # [m], [rad]
 TOLERANCE: Final = 0.01  # [m]
 PLACES: Final = ((0.45, -0.2), (0.65, 0.2))  # [m], corners of where goals are
@@ -74,6 +85,83 @@ TOUCHED: Final = 0.003  # [m], of a body that was pushed
 IN_TOUCH: Final = 0.05  # [s] since the last touch, in which the tool pushes
 LOW: Final = 0.02  # [m], of a tip that may push
 EMPTY: Final = np.zeros((0, 0, 2))
+OTHERS: Final = ("came before", "is under way")  # in refusals of what another one sent
+LIES: Final = ("succeeded, and stays", "succeeded, and moves", "aborted, and moves")
+ROUND: Final = codec.encode_bodies(Bodies.named(["disk"]), [0.05], stamp=Time(), episode_id=1)
+Spoiling = tuple[str, str, Callable[[Any, Any], Any]]
+"""A topic (of `BESIDE`: good ones go on), a field, its value by that and by the good one."""
+AT: Final = "detections.0.results.0.pose.pose"
+HEADERS: Final[Sequence[tuple[str, Callable[[Any, Any], Any]]]] = (
+    ("header.stamp.sec", lambda sec, _: sec - 3600),
+    ("header.stamp.sec", lambda sec, _: sec + 3600),
+    ("header.frame_id", lambda *_: "camera"),
+)
+SPOILT: Final[dict[str, Sequence[Spoiling]]] = {
+    "bad detections": [
+        *(("detections", *one) for one in HEADERS),
+        ("detections", f"{AT}.position.x", lambda *_: nan),
+        ("detections", f"{AT}.position.x", lambda x, _: x + random.uniform(-0.02, 0.02)),
+        ("detections", f"{AT}.orientation", lambda *_: Quaternion(x=1.0, w=0.0)),
+    ],
+    "bad scenes beside the good ones": [
+        *(("scene", *one) for one in HEADERS),
+        ("scene", "disks.0.x", lambda *_: nan),
+        ("scene", "disks.0.y", lambda y, _: y + 0.1),
+        ("scene", "scene_id", lambda number, _: number - 1),
+    ],
+    "another body": [
+        ("shapes", "bodies.0.name", lambda *_: "disk"),
+        ("shapes", "bodies", lambda *_: ROUND.bodies),
+        ("detections", "detections.0.id", lambda *_: "cup"),
+    ],
+    "another number of bodies": [
+        ("shapes", "bodies", lambda bodies, _: [*bodies, *bodies]),
+        ("scene", "disks", lambda disks, _: [*disks, *disks]),
+        ("scene", "disks", lambda *_: []),
+        ("detections", "detections", lambda seen, _: [*seen, *seen]),
+    ],
+    "joint states freeze in a stroke": [
+        ("/joint_states", "position", lambda _, good: good),
+        ("/joint_states", "header", lambda _, good: good),
+        ("/joint_states", "name", lambda names, _: [f"other_{name}" for name in names]),
+        ("/joint_states", "position", lambda position, _: [nan, *position[1:]]),
+    ],
+    "a second publisher of pushes in a stroke": [
+        ("push", "push_id", lambda same, _: same),
+        ("push", "push_id", lambda *_: random.getrandbits(60)),
+    ],
+    "the enable signal flickers in a stroke": [
+        ("enable", "data", lambda *_: time.monotonic() % 0.2 < 0.1)
+    ],
+}
+BESIDE: Final = {"scene": Scene, "shapes": BodiesMessage, "push": Push, "enable": Bool}
+
+
+class Sender:
+    """A publisher whose messages are spoilt for a time."""
+
+    def __init__(self, publisher: Any, good: Any = None) -> None:
+        """Publish with a publisher; `good` is the latest good message."""
+        self.publisher, self.good = publisher, good
+        self.until, self.spoiling = 0.0, SPOILT["another body"][0]
+
+    def publish(self, message: Any) -> None:
+        """Publish a message, or what it is spoilt to."""
+        if time.monotonic() > self.until:
+            self.good = message
+        else:
+            *way, name = self.spoiling[1].split(".")
+            at, good = (reduce(_step, way, one) for one in (message, self.good))
+            setattr(at, name, self.spoiling[2](getattr(at, name), getattr(good, name)))
+        self.publisher.publish(message)
+
+
+def _step(at: Any, name: str) -> Any:
+    return at[int(name)] if name.isdigit() else getattr(at, name)
+
+
+def _qos(topic: str) -> Any:
+    return LATCHED if topic == "shapes" else QUEUE
 
 
 class Table(TrajectoryServer):
@@ -84,15 +172,22 @@ class Table(TrajectoryServer):
         given: dict[str, Any] = {"cell.robot": "ur5", "engine": MUJOCO, "world": MEASURED}
         given |= {"bodies": str(bodies), "pace": PACE, "poses": False}
         super().__init__(parameter_overrides=[Parameter(k, value=v) for k, v in given.items()])
-        self.orders: deque[Callable[[], None]] = deque()
+        self.orders: deque[Callable[[], object]] = deque()
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
-        self.enabled_at = self.dark_until = self.covered_until = 0.0
+        self.enabled_at = self.denied_at = 0.0
+        self.ends: dict[str, float] = {}  # of faults [s]
         self.struck_by_hand = False
         self._lowered = self.by_hand = self.pushes = False
         self._touched, self._touched_at = 0, 0.0
         self._before = self.bench.observe()
-        self._sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
+        self.senders = {"/joint_states": Sender(self._states)}
+        self._states: Any = self.senders["/joint_states"]
+        sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
+        self.senders["detections"] = Sender(sees)
+        self.heard: dict[str, Any] = {}
+        for topic, kind in BESIDE.items():
+            self.create_subscription(kind, topic, partial(self._hear, topic), _qos(topic))
         self.create_subscription(Bool, "enable", self._on_enable, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, QUEUE)
         self.reaches = False  # the driver has said where
@@ -135,20 +230,58 @@ class Table(TrajectoryServer):
         self.by_hand = self.struck_by_hand = True
         self.bench.place(poses)
 
+    def lasts(self, fault: str) -> bool:
+        """Whether a fault lasts."""
+        return time.monotonic() < self.ends.get(fault, 0.0)
+
+    def later(self, action: Callable[[], object]) -> None:
+        """Do something when the fault of now ends."""
+        Timer(LASTING, lambda: self.orders.append(action)).start()
+
+    def spoil(self, spoiling: Spoiling) -> None:
+        """Spoil what is sent, or send it beside the good."""
+        topic = spoiling[0]
+        if topic in BESIDE:
+            publisher = self.create_publisher(BESIDE[topic], topic, _qos(topic))
+            self.senders[topic] = Sender(publisher, self.heard[topic])
+            self.later(lambda: self.destroy_publisher(self.senders.pop(topic).publisher))
+        self.senders[topic].spoiling = spoiling
+        self.senders[topic].until = inf if topic in BESIDE else time.monotonic() + LASTING
+
+    def answer_twice(self) -> None:
+        """Have a second server call each goal successful at once."""
+        name = f"/{self.bench.robot.controller.strip('/')}/follow_joint_trajectory"
+        server = ActionServer(self, FollowJointTrajectory, name, self._answer_at_once)
+        self.later(server.destroy)
+
+    async def _execute(self, handle: Any) -> FollowJointTrajectory.Result:
+        lie = next((one for one in LIES if self.lasts(one)), "")
+        if not lie:
+            return await super()._execute(handle)
+        if lie.endswith("moves"):
+            self.bench.controller.start(self._decoded(handle.request), self.bench.time)
+        (handle.abort if lie.startswith("aborted") else handle.succeed)()
+        return FollowJointTrajectory.Result()
+
     # --- what is seen ----------------------------------------------------------------------------
 
     def _see(self) -> None:
-        now = time.monotonic()
         poses = self.bench.observe()[:, : THETA + 1]
         spread = np.array([NOISE[0], NOISE[0], NOISE[1]])
         seen = [
             Sighting(body, pose + spread * self._random.normal(size=3), np.diag(spread**2), EMPTY)
             for body, pose in enumerate(poses)
-            if now > self.covered_until
+            if not self.lasts("covered")
         ]
         stamp = self.get_clock().now().to_msg()
-        if now > self.dark_until:
-            self._sees.publish(encode_sightings(seen, self.bench.bodies, "world", stamp))
+        if not self.lasts("dark"):
+            sightings = encode_sightings(seen, self.bench.bodies, "world", stamp)
+            self.senders["detections"].publish(sightings)
+        for topic in BESIDE.keys() & self.senders.keys():
+            message = deepcopy(self.senders[topic].good)
+            if topic != "enable":
+                message.header.stamp = stamp
+            self.senders[topic].publish(message)
 
     # --- what must not happen --------------------------------------------------------------------
 
@@ -165,6 +298,10 @@ class Table(TrajectoryServer):
         if self.moves and since > DISABLED and "moved" not in " ".join(self.wrong[-1:]):
             self.wrong.append(f"the arm moved {since:.1f} s after the last enable signal")
 
+    def _hear(self, topic: str, message: Any) -> None:
+        if topic not in self.senders:
+            self.heard[topic] = message
+
     def _on_reach(self, message: OccupancyGrid) -> None:
         self.reaches = True
 
@@ -172,10 +309,16 @@ class Table(TrajectoryServer):
         self.plans[message.goal_id].append(message)
 
     def _on_enable(self, message: Any) -> None:
-        self.enabled_at = time.monotonic() if message.data else self.enabled_at
+        now = time.monotonic()
+        if not message.data:
+            self.denied_at = now
+        elif now > self.denied_at + HOLD:
+            self.enabled_at = now
 
     def _on_result(self, message: PushResult) -> None:
         """Hold what the driver says of a push against what the arm has done."""
+        if any(words in message.error_message for words in OTHERS):
+            return
         executed = message.error_code == ErrorCode.OK
         if executed and any(one.push_id == message.push_id for _, one in self.executed):
             self.wrong.append(f"push {message.push_id} has two results")
@@ -199,6 +342,7 @@ class Hall:
     def __init__(self, folder: Path) -> None:
         """Start all in a domain of its own."""
         self._stack = ExitStack()
+        self.on_end = self._stack.callback
         self._folder = folder
         self.random = random.Random(str(folder.name))
         self._goals = 0
@@ -225,6 +369,7 @@ class Hall:
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
         commands = graph_commands(options, ros_arguments(()), self._folder)
         del commands[SERVER]  # it is in this process
+        self.commands = commands
         for name, command in commands.items():
             variables = UNWATCHED if name == ROBOT else {}
             again = restart_command(name, command)
@@ -324,13 +469,43 @@ def at_table(fault: Callable[[Table], None]) -> Callable[[Hall], None]:
 
 
 def until(name: str) -> Callable[[Hall], None]:
-    """Return what begins a fault of the camera that ends by itself."""
-    return at_table(lambda table: setattr(table, name, time.monotonic() + LASTING))
+    """Return what begins a fault that ends by itself."""
+    return at_table(lambda table: table.ends.update({name: time.monotonic() + LASTING}))
+
+
+def in_turn(strikes: Iterable[Callable[[Hall], None]]) -> Callable[[Hall], None]:
+    """Return what does one of these at a time."""
+    turns = cycle(strikes)
+
+    def strike(hall: Hall) -> None:
+        next(turns)(hall)
+
+    return strike
+
+
+def second_planner(hall: Hall) -> None:
+    """Start another planner, which ends after a while."""
+    command = [word.replace("mppi_node.json", "second.json") for word in hall.commands[PLANNER]]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    hall.on_end(process.kill)
+    Timer(3.0 * LASTING, process.terminate).start()
 
 
 FAULTS: Final[dict[str, tuple[Callable[[Hall], Callable[[], bool]], Callable[[Hall], None]]]] = {
-    f"camera dark for {LASTING:g} s": (soon, until("dark_until")),
-    f"body covered for {LASTING:g} s": (soon, until("covered_until")),
+    **{
+        kind: (
+            in_stroke if kind.endswith("in a stroke") else soon,
+            in_turn(at_table(partial(Table.spoil, spoiling=one)) for one in spoilings),
+        )
+        for kind, spoilings in SPOILT.items()
+    },
+    "the trajectory server lies": (
+        soon,
+        in_turn([*map(until, LIES), at_table(Table.answer_twice)]),
+    ),
+    "a second planner": (soon, second_planner),
+    f"camera dark for {LASTING:g} s": (soon, until("dark")),
+    f"body covered for {LASTING:g} s": (soon, until("covered")),
     "a hand moves the body in a stroke": (in_stroke, at_table(Table.move_by_hand)),
     "the controller aborts a stroke": (in_stroke, at_table(Table.abort)),
     f"the enable signal is lost in a stroke for {LASTING:g} s": (
@@ -342,10 +517,11 @@ FAULTS: Final[dict[str, tuple[Callable[[Hall], Callable[[], bool]], Callable[[Ha
 }
 
 
-def arm_faults(folder: Path, tries: int) -> Iterator[Row]:
-    """Do each fault so often, one goal each."""
+def arm_faults(folder: Path, tries: int, words: Sequence[str]) -> Iterator[Row]:
+    """Do each fault with one of these words in its name so often, one goal each."""
     for number, fault in enumerate(FAULTS):
-        yield _row(folder / f"arm_{number}", fault, tries)
+        if any(word in fault for word in words):
+            yield _row(folder / f"arm_{number}", fault, tries)
 
 
 def _row(folder: Path, fault: str, tries: int) -> Row:

@@ -43,6 +43,8 @@ class Options:
     """mutated ones"""
     arm: int = 20
     """of a table with a robot arm, each"""
+    words: tuple[str, ...] = ("",)
+    """in the names of those"""
     only: tuple[str, ...] = KINDS
     """kinds of faults"""
     parts: tuple[str, ...] = (*PARTS, LEARNER)
@@ -89,7 +91,7 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
         "stop": lambda: strikes(folder, "stop", options.stops, options.seed, options.parts),
         "messages": lambda: (messages(one, options.messages, options.seed) for one in PACKAGES),
         "files": lambda: iter([files(folder, options.files, options.seed)]),
-        "arm": lambda: arm_faults(folder, options.arm),
+        "arm": lambda: arm_faults(folder, options.arm, options.words),
     }
     for kind in options.only:
         yield from given[kind]()
