@@ -26,6 +26,9 @@ writes this page.
   made and do not count; limits that were broken; motion without the enable signal. Results are not
   counted from 1 s before the recorder was killed or stopped until it records again.
 * **Recovery**: time from the fault until a push was executed with all processes running again.
+
+With the arm, a fault lasts 5 s. A kind has variants, which take turns: a value that is NaN, a stamp
+of an hour ago, another frame, and more (`SPOILT` in `benchmarks/faults/arm_faults.py`).
 """
 
 
