@@ -23,7 +23,7 @@ from sain_arm.planning.push_events import (
     TimePassed,
     WayPlanned,
 )
-from sain_arm.planning.push_execution import FINDING, HIDES, WAIT, PushExecution
+from sain_arm.planning.push_execution import FINDING, HIDES, LAG, WAIT, PushExecution
 from sain_core.errors import BusyError, CancelledError
 from tests.sain_arm.random_pushes import (
     ABORTED,
@@ -216,3 +216,14 @@ def test_the_laws_find_planted_faults(monkeypatch) -> None:
             patched.setattr(PushExecution, name, fault)
             with pytest.raises(AssertionError):
                 walk(6000)
+
+
+def test_a_push_after_a_failed_approach_is_planned_once_the_arm_is_seen_to_rest_later() -> None:
+    """A controller that calls a goal aborted may begin to move after that."""
+    (one,) = in_phase(Phase.APPROACHES)
+    (refused,) = one.update(GoalEnded(ABORTED), at())
+    assert isinstance(refused, Refused)
+    assert one.update(PushOrdered(STROKE), at(time=0.01)) == []
+    assert one.update(TimePassed(), at(time=0.9 * LAG)) == []
+    (planned,) = one.update(TimePassed(), at(time=LAG + 0.1))
+    assert isinstance(planned, PlanPush)

@@ -23,7 +23,7 @@ WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, befor
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
-LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
+LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal or its end
 
 
 class PushExecution:
@@ -64,6 +64,7 @@ class PushExecution:
         self._sent, self._cancelled = 0.0, ""  # when [s], and why
         self._arrives: float | None = None  # until when [s] the joints may come to its end
         self._broken_off = Ending(Ended.LOST), 0.0  # how a stroke ended too early, and when [s]
+        self._rests_from = -np.inf  # when joints that rest show that a goal has ended [s], likewise
         self._retreat_asked = False
         self._doubt: CancelledError | None = None  # that the stroke has moved a body
         self._froze = -np.inf  # when joints' states lagged behind a goal [s], of the steady clock
@@ -140,7 +141,8 @@ class PushExecution:
         missing = arm.missing or arm.disabled or self.frozen(arm.changed)
         if arm.unknown or (missing and not self._dry_run):
             return arm.unknown or missing
-        return "" if self._goal is None and arm.still else "the arm still moves"
+        rests = self._goal is None and arm.still and arm.time >= self._rests_from
+        return "" if rests else "the arm still moves"
 
     def _on_plan(self, plan: PushPlan | BaseException, arm: ArmState) -> list[Action]:
         if self.phase is not Phase.PLANS or self._stroke is None:
@@ -203,6 +205,8 @@ class PushExecution:
     def _take_ending(self, ending: Ending, arm: ArmState) -> list[Action]:
         """Go on after a goal that has ended, or was not sent."""
         self._goal = self._arrives = None
+        if ending.how not in (Ended.SUCCEEDED, Ended.REJECTED):
+            self._rests_from = arm.time + LAG
         match self.phase:
             case Phase.APPROACHES:
                 return self._after_approach(ending, arm)
