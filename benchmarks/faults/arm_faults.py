@@ -12,12 +12,12 @@ from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from copy import deepcopy
-from dataclasses import replace
 from functools import partial, reduce
 from itertools import cycle
 from math import inf, nan
 from pathlib import Path
 from threading import Thread, Timer
+from types import SimpleNamespace
 from typing import Any, Final
 
 import numpy as np
@@ -137,31 +137,11 @@ SPOILT: Final[dict[str, Sequence[Spoiling]]] = {
 BESIDE: Final = {"scene": Scene, "shapes": BodiesMessage, "push": Push, "enable": Bool}
 
 
-class Sender:
-    """A publisher whose messages are spoilt for a time."""
-
-    def __init__(self, publisher: Any, good: Any = None) -> None:
-        """Publish with a publisher; `good` is the latest good message."""
-        self.publisher, self.good = publisher, good
-        self.until, self.spoiling = 0.0, SPOILT["another body"][0]
-
-    def publish(self, message: Any) -> None:
-        """Publish a message, or what it is spoilt to."""
-        if time.monotonic() > self.until:
-            self.good = message
-        else:
-            *way, name = self.spoiling[1].split(".")
-            at, good = (reduce(_step, way, one) for one in (message, self.good))
-            setattr(at, name, self.spoiling[2](getattr(at, name), getattr(good, name)))
-        self.publisher.publish(message)
+QUALITIES: Final = defaultdict(lambda: QUEUE, shapes=LATCHED)
 
 
 def _step(at: Any, name: str) -> Any:
     return at[int(name)] if name.isdigit() else getattr(at, name)
-
-
-def _qos(topic: str) -> Any:
-    return LATCHED if topic == "shapes" else QUEUE
 
 
 class Table(TrajectoryServer):
@@ -176,22 +156,23 @@ class Table(TrajectoryServer):
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
         self.enabled_at = self.denied_at = 0.0
-        self.ends: dict[str, float] = {}  # of faults [s]
+        self.faults = set[str]()  # that last
         self.struck_by_hand = False
         self._lowered = self.by_hand = self.pushes = False
         self._touched, self._touched_at = 0, 0.0
         self._before = self.bench.observe()
-        self.senders = {"/joint_states": Sender(self._states)}
-        self._states: Any = self.senders["/joint_states"]
-        sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
-        self.senders["detections"] = Sender(sees)
-        self.heard: dict[str, Any] = {}
+        self.good: dict[str, Any] = {}  # the latest such message of a topic
+        self.spoilings: dict[str, Spoiling] = {}  # of now, by their topics
+        states = partial(self._send, "/joint_states", self._states)
+        self._states: Any = SimpleNamespace(publish=states)
+        self._sees = self.create_publisher(Detection3DArray, "detections", RELIABLE)
+        self.others: dict[str, Any] = {}  # publishers beside those of good messages
         for topic, kind in BESIDE.items():
-            self.create_subscription(kind, topic, partial(self._hear, topic), _qos(topic))
+            self.create_subscription(kind, topic, partial(self._hear, topic), QUALITIES[topic])
         self.create_subscription(Bool, "enable", self._on_enable, RELIABLE)
         self.create_subscription(PushResult, "push_result", self._on_result, QUEUE)
-        self.reaches = False  # the driver has said where
-        self.create_subscription(OccupancyGrid, "reach_table", self._on_reach, LATCHED)
+        hear = partial(self._hear, "reach_table")
+        self.create_subscription(OccupancyGrid, "reach_table", hear, LATCHED)
         self.plans: dict[int, list[Plan]] = defaultdict(list)
         self.create_subscription(Plan, "plan", self._on_plan, QUEUE)
         self.goal = self.create_publisher(Goal, "goal", LATCHED)
@@ -230,23 +211,23 @@ class Table(TrajectoryServer):
         self.by_hand = self.struck_by_hand = True
         self.bench.place(poses)
 
-    def lasts(self, fault: str) -> bool:
-        """Whether a fault lasts."""
-        return time.monotonic() < self.ends.get(fault, 0.0)
-
     def later(self, action: Callable[[], object]) -> None:
         """Do something when the fault of now ends."""
         Timer(LASTING, lambda: self.orders.append(action)).start()
 
+    def begin(self, fault: str) -> None:
+        """Begin a fault that lasts."""
+        self.faults.add(fault)
+        self.later(lambda: self.faults.discard(fault))
+
     def spoil(self, spoiling: Spoiling) -> None:
         """Spoil what is sent, or send it beside the good."""
         topic = spoiling[0]
+        self.spoilings[topic] = spoiling
         if topic in BESIDE:
-            publisher = self.create_publisher(BESIDE[topic], topic, _qos(topic))
-            self.senders[topic] = Sender(publisher, self.heard[topic])
-            self.later(lambda: self.destroy_publisher(self.senders.pop(topic).publisher))
-        self.senders[topic].spoiling = spoiling
-        self.senders[topic].until = inf if topic in BESIDE else time.monotonic() + LASTING
+            self.others[topic] = self.create_publisher(BESIDE[topic], topic, QUALITIES[topic])
+            self.later(lambda: self.destroy_publisher(self.others.pop(topic)))
+        self.later(lambda: self.spoilings.pop(topic))
 
     def answer_twice(self) -> None:
         """Have a second server call each goal successful at once."""
@@ -255,8 +236,7 @@ class Table(TrajectoryServer):
         self.later(server.destroy)
 
     async def _execute(self, handle: Any) -> FollowJointTrajectory.Result:
-        lie = next((one for one in LIES if self.lasts(one)), "")
-        if not lie:
+        if not (lie := next(iter(self.faults.intersection(LIES)), "")):
             return await super()._execute(handle)
         if lie.endswith("moves"):
             self.bench.controller.start(self._decoded(handle.request), self.bench.time)
@@ -271,17 +251,28 @@ class Table(TrajectoryServer):
         seen = [
             Sighting(body, pose + spread * self._random.normal(size=3), np.diag(spread**2), EMPTY)
             for body, pose in enumerate(poses)
-            if not self.lasts("covered")
+            if "covered" not in self.faults
         ]
         stamp = self.get_clock().now().to_msg()
-        if not self.lasts("dark"):
+        if "dark" not in self.faults:
             sightings = encode_sightings(seen, self.bench.bodies, "world", stamp)
-            self.senders["detections"].publish(sightings)
-        for topic in BESIDE.keys() & self.senders.keys():
-            message = deepcopy(self.senders[topic].good)
+            self._send("detections", self._sees, sightings)
+        for topic, publisher in self.others.items():
+            message = deepcopy(self.good[topic])
             if topic != "enable":
                 message.header.stamp = stamp
-            self.senders[topic].publish(message)
+            self._send(topic, publisher, message)
+
+    def _send(self, topic: str, publisher: Any, message: Any) -> None:
+        """Publish a message, or what it is spoilt to."""
+        if topic not in self.spoilings:
+            self.good[topic] = message
+        else:
+            _, path, spoilt = self.spoilings[topic]
+            *way, name = path.split(".")
+            at, good = (reduce(_step, way, one) for one in (message, self.good[topic]))
+            setattr(at, name, spoilt(getattr(at, name), getattr(good, name)))
+        publisher.publish(message)
 
     # --- what must not happen --------------------------------------------------------------------
 
@@ -299,11 +290,8 @@ class Table(TrajectoryServer):
             self.wrong.append(f"the arm moved {since:.1f} s after the last enable signal")
 
     def _hear(self, topic: str, message: Any) -> None:
-        if topic not in self.senders:
-            self.heard[topic] = message
-
-    def _on_reach(self, message: OccupancyGrid) -> None:
-        self.reaches = True
+        if topic not in self.others:
+            self.good[topic] = message
 
     def _on_plan(self, message: Plan) -> None:
         self.plans[message.goal_id].append(message)
@@ -367,15 +355,14 @@ class Hall:
         stack.callback(executor.shutdown, 5.0)
         thread.start()
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
-        commands = graph_commands(options, ros_arguments(()), self._folder)
-        del commands[SERVER]  # it is in this process
-        self.commands = commands
-        for name, command in commands.items():
+        self.commands = graph_commands(options, ros_arguments(()), self._folder)
+        del self.commands[SERVER]  # it is in this process
+        for name, command in self.commands.items():
             variables = UNWATCHED if name == ROBOT else {}
             again = restart_command(name, command)
             self.supervisor.start(name, command, variables, name == RECORDER, again)
-        nodes = (MODEL, PLANNER, SCENES)
-        self.wait(lambda: self.table.reaches and not self.supervisor.starting(nodes), LONGEST)
+        nodes, good = (MODEL, PLANNER, SCENES), self.table.good
+        self.wait(lambda: "reach_table" in good and not self.supervisor.starting(nodes), LONGEST)
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -442,8 +429,7 @@ class Hall:
             x, y = (self.random.uniform(*both) for both in zip(*PLACES, strict=True))
         self._goals += 1
         pose = GoalPose(body=0, x=x, y=y, tolerance=TOLERANCE)
-        stamp = self.table.get_clock().now().to_msg()
-        header = codec.header(stamp)
+        header = codec.header(self.table.get_clock().now().to_msg())
         return Goal(header=header, goal_id=self._goals, max_pushes=40, poses=[pose])
 
 
@@ -470,17 +456,13 @@ def at_table(fault: Callable[[Table], None]) -> Callable[[Hall], None]:
 
 def until(name: str) -> Callable[[Hall], None]:
     """Return what begins a fault that ends by itself."""
-    return at_table(lambda table: table.ends.update({name: time.monotonic() + LASTING}))
+    return at_table(partial(Table.begin, fault=name))
 
 
 def in_turn(strikes: Iterable[Callable[[Hall], None]]) -> Callable[[Hall], None]:
     """Return what does one of these at a time."""
     turns = cycle(strikes)
-
-    def strike(hall: Hall) -> None:
-        next(turns)(hall)
-
-    return strike
+    return lambda hall: next(turns)(hall)  # noqa: PLW0108 - the next one each time
 
 
 def second_planner(hall: Hall) -> None:
@@ -547,11 +529,8 @@ def _row(folder: Path, fault: str, tries: int) -> Row:
             wrong += hall.table.wrong + hall.table.broken
     good = (REACHED, *(f"{END}{name} was killed by SIGKILL" for name in ENDING))
     survived = [one for one in outcomes if one in good]
-    others = Counter(one for one in outcomes if one not in survived)
-    notes = [f"{one} ({count})" for one, count in (others + Counter(wrong)).items()]
+    others = Counter(one for one in outcomes if one not in survived) + Counter(wrong)
     ended = sum(one != REACHED for one in survived)
-    notes += (
-        [f"the graph ended with the reason, and the arm stood still ({ended})"] if ended else []
-    )
-    row = Row(fault, tries, len(survived), len(wrong), recoveries)
-    return replace(row, note="; ".join(notes))
+    others["the graph ended with the reason, and the arm stood still"] += ended
+    note = "; ".join(f"{one} ({count})" for one, count in others.items() if count)
+    return Row(fault, tries, len(survived), len(wrong), recoveries, note)

@@ -23,7 +23,7 @@ from sain_arm.planning.push_events import (
     TimePassed,
     WayPlanned,
 )
-from sain_arm.planning.push_execution import FINDING, HIDES, LAG, WAIT, PushExecution
+from sain_arm.planning.push_execution import AGAIN, FINDING, HIDES, WAIT, PushExecution
 from sain_core.errors import BusyError, CancelledError
 from tests.sain_arm.random_pushes import (
     ABORTED,
@@ -224,6 +224,6 @@ def test_a_push_after_a_failed_approach_is_planned_once_the_arm_is_seen_to_rest_
     (refused,) = one.update(GoalEnded(ABORTED), at())
     assert isinstance(refused, Refused)
     assert one.update(PushOrdered(STROKE), at(time=0.01)) == []
-    assert one.update(TimePassed(), at(time=0.9 * LAG)) == []
-    (planned,) = one.update(TimePassed(), at(time=LAG + 0.1))
+    assert one.update(TimePassed(), at(time=0.9 * AGAIN)) == []
+    (planned,) = one.update(TimePassed(), at(time=AGAIN + 0.1))
     assert isinstance(planned, PlanPush)

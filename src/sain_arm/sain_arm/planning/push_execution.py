@@ -23,7 +23,8 @@ WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, befor
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
 HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
-LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal or its end
+LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
+AGAIN: Final = 0.6  # [s] of rest after a goal that failed: a planner gives up after 10 in a row
 
 
 class PushExecution:
@@ -205,8 +206,8 @@ class PushExecution:
     def _take_ending(self, ending: Ending, arm: ArmState) -> list[Action]:
         """Go on after a goal that has ended, or was not sent."""
         self._goal = self._arrives = None
-        if ending.how not in (Ended.SUCCEEDED, Ended.REJECTED):
-            self._rests_from = arm.time + LAG
+        if ending.how is not Ended.SUCCEEDED:
+            self._rests_from = arm.time + AGAIN
         match self.phase:
             case Phase.APPROACHES:
                 return self._after_approach(ending, arm)
