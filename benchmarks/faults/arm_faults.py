@@ -79,6 +79,7 @@ ENDED: Final = (Plan.REACHED, Plan.NO_PUSH, Plan.EXHAUSTED)
 REACHED: Final = "reached"
 END: Final = "the graph ended: "
 DISABLED: Final = 0.8  # [s] from the last signal to rest: the time-out, a cancel, the brake
+EARLY: Final = 0.1  # [s] by which the driver may hear a signal before the table does
 MOVES: Final = 0.05  # [rad/s], of a joint
 SHIFT: Final = 0.06  # [m], by a hand
 TOUCHED: Final = 0.003  # [m], of a body that was pushed
@@ -155,7 +156,7 @@ class Table(TrajectoryServer):
         self.orders: deque[Callable[[], object]] = deque()
         self.wrong: list[str] = []
         self.results: list[tuple[float, PushResult]] = []
-        self.enabled_at = self.denied_at = 0.0
+        self.enabled_at = self.true_at = self.false_at = 0.0
         self.faults = set[str]()  # that last
         self.struck_by_hand = False
         self._lowered = self.by_hand = self.pushes = False
@@ -285,7 +286,9 @@ class Table(TrajectoryServer):
         low, now = bool(self.bench.tip[2] < LOW), time.monotonic()
         self.pushes = low and self.bench.controller.busy and now - self._touched_at < IN_TOUCH
         self._lowered |= low
-        since = time.monotonic() - self.enabled_at
+        if now > self.false_at + HOLD - EARLY:
+            self.enabled_at = self.true_at
+        since = now - self.enabled_at
         if self.moves and since > DISABLED and "moved" not in " ".join(self.wrong[-1:]):
             self.wrong.append(f"the arm moved {since:.1f} s after the last enable signal")
 
@@ -297,11 +300,10 @@ class Table(TrajectoryServer):
         self.plans[message.goal_id].append(message)
 
     def _on_enable(self, message: Any) -> None:
-        now = time.monotonic()
-        if not message.data:
-            self.denied_at = now
-        elif now > self.denied_at + HOLD:
-            self.enabled_at = now
+        if message.data:
+            self.true_at = time.monotonic()
+        else:
+            self.false_at = time.monotonic()
 
     def _on_result(self, message: PushResult) -> None:
         """Hold what the driver says of a push against what the arm has done."""

@@ -57,3 +57,5 @@ def test_a_robot_without_enough_reach_for_a_scenario_is_named_with_its_share_of_
     text = str(refused.value)
     assert text.startswith("robot 'so101' reaches 6% of the table, within x 0.30 to 0.53 m")
     assert "body 0 is at (" in text and "m in push_t, seed " in text
+    with pytest.raises(ConfigError, match=r"the tool that pushes body 1 by body 0 is at \(0\.\d"):
+        check_reach("so101", [draw_scene("anywhere", 0)])

@@ -8,12 +8,15 @@ import numpy as np
 
 from sain_arm.robot.robot import read_robot
 from sain_core.errors import ConfigError, OutOfRangeError
-from sain_core.feasibility import Reach
-from sain_core.scene import POSITION, Table
+from sain_core.feasibility import Feasibility, Reach
+from sain_core.scene import POSITION, Table, unit
 from sain_core.types import Points
 from sain_eval.scenes.families import ScenarioScene
+from sain_mppi.agent.dead_end import OBLIQUE, Way
+from sain_mppi.objective.problem import Problem
 
 TABLE: Final = Table()
+SIDES: Final = np.array([0.0, -0.5, 0.5, -1.0, 1.0])  # of the most oblique pushes
 ASIDE: Final = 0.1  # of the distance from the middle line, that counts against a place
 PLACES: Final = np.stack(  # (P, 2) [m], all over the table
     np.meshgrid(
@@ -62,21 +65,32 @@ def fitting_place(robot: str, needed: float) -> Points:
 def check_reach(robot: str, cases: Iterable[ScenarioScene]) -> None:
     """Check that what is pushed in scenes, and its goals, are where a robot reaches.
 
+    A body that only another one may push needs the tool behind both, within 45 degrees.
+
     Raises:
         ConfigError: naming the body, and the share of the table that the robot reaches.
     """
     for case in cases:
         for body in case.bodies.pushable:
             _check_place(robot, case, f"body {body}", case.disks[body, POSITION])
-        for pose in (pose for goal in case.goals for pose in goal.poses):
-            if pose.body in case.bodies.pushable:
-                place = np.array([pose.x, pose.y])
-                _check_place(robot, case, f"a goal of body {pose.body}", place)
+        for goal in case.goals:
+            for pose in goal.poses:
+                if pose.body in case.bodies.pushable:
+                    place = np.array([pose.x, pose.y])
+                    _check_place(robot, case, f"a goal of body {pose.body}", place)
+            reach = Feasibility(reach=robot_reach(robot))
+            way = Way.of(Problem(case.disks, goal, case.bodies, case.disks, reach))
+            if way.pusher != way.body:
+                what = f"the tool that pushes body {way.body} by body {way.pusher}"
+                back = way.stand - way.place
+                sides = np.arctan2(back[1], back[0]) + OBLIQUE * SIDES
+                stands = way.place + np.linalg.norm(back) * unit(sides)
+                _check_place(robot, case, what, *stands)
 
 
-def _check_place(robot: str, case: ScenarioScene, what: str, place: Points) -> None:
-    if not robot_reach(robot).contains(place):
-        x, y = place
+def _check_place(robot: str, case: ScenarioScene, what: str, *places: Points) -> None:
+    if not robot_reach(robot).contains(np.stack(places)).any():
+        x, y = places[0]
         raise ConfigError(
             f"{describe_reach(robot)}: {what} is at ({x:.2f}, {y:.2f}) m in {case.scenario},"
             f" seed {case.seed}; choose another --scenario, --seed or --robot"
