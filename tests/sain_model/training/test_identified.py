@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from sain_model import commands
+from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_checkpoint
+from sain_model.evaluation.errors import inferred_rows
 from sain_model.inference.kinds import FRICTION, Belief, Kind, write_belief
 from sain_model.physics.parameters import AXES, TEXTBOOK
 from sain_model.physics.planar import PlanarPrior
@@ -40,6 +42,19 @@ def test_the_likeliest_physics_is_the_prior(dataset, tmp_path):
     assert card.training["prior"] == "planar"
     assert model.belief.trained.deviations[0] == pytest.approx(NARROW)
     assert model.network.intervals is not None
+
+
+def test_a_network_on_the_physics_of_use_corrects_whatever_earlier_pushes_show(dataset, tmp_path):
+    out = tmp_path / "out"
+    assert run(dataset, "--history", "earlier", "--believed", "--out", out, *SMALL) == 0
+    model = load_checkpoint(out / "sain.safetensors")
+    assert all(kind.corrected for kind in model.belief.kinds)
+    assert "centre_x" in model.belief.trained.names
+    part = load_dataset(dataset).alike
+    rows = inferred_rows(model, part)
+    physics, corrected = model.step_rows(part.state, part.action, rows)
+    inferred = rows.inferred & rows.corrected
+    assert inferred.any() and (physics[inferred] != corrected[inferred]).any()
 
 
 @pytest.mark.parametrize(

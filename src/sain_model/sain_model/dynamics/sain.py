@@ -35,7 +35,7 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, by_friction, only, read_belief
+from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, only, read_belief
 from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
@@ -232,13 +232,11 @@ class SainDynamics(Model):
         return self._changed(bodies=bodies)
 
     def physics_alone(self) -> Self:
-        """Return its physics without network and history; friction alone is inferred, if any is.
+        """Return its physics, with the same inference and without network and history.
 
-        This is what it is compared with. What is inferred of a body on a surface stays.
+        This is what it is compared with.
         """
-        kind = self.belief.trained
-        belief = only(kind) if kind.of_bodies else by_friction(self.belief)
-        return type(self)(belief, bodies=self.bodies)
+        return type(self)(self.belief, bodies=self.bodies)
 
     def with_unknown_masses(self) -> Self:
         """Return this model where masses are not measured: earlier pushes show their ratio."""
@@ -337,7 +335,8 @@ class SainDynamics(Model):
             for name in ("corrected", "of_bodies")
         )
         knows = self.network is not None and self.network.knows(pushes.bodies)
-        corrected = trained & knows & (of_bodies | ~posterior.inferred)
+        always = all(kind.corrected for kind in self.belief.kinds)
+        corrected = trained & knows & (of_bodies | ~posterior.inferred | always)
         if self.belief.network_log_odds < np.inf:
             rows = np.flatnonzero(corrected)
             odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
@@ -412,12 +411,16 @@ def residual_model(
     intervals: Intervals | None = None,
     recurrent: bool = False,
     bottoms: Sequence[str] = BOTTOMS,
+    belief: Belief | None = None,
 ) -> SainDynamics:
-    """Return SAIN of a network that was trained on one kind of physics, and on such bodies."""
+    """Return SAIN of a network that was trained on one kind of physics, and on such bodies.
+
+    With a `belief`, it was trained on the physics that this infers.
+    """
     name = RECURRENT if recurrent else RESIDUAL
     origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
     network = ResidualNetwork(weights, intervals, bottoms=tuple(bottoms))
-    return SainDynamics(only(kind), network, origin)
+    return SainDynamics(belief or only(kind), network, origin)
 
 
 def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:

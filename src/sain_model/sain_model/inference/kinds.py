@@ -37,6 +37,8 @@ MASS_RATIO: Final = "mass_ratio"
 LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and bodies
     FRICTION, "tool_friction", "disk_friction", "tool_restitution", "disk_restitution",
     "foot_radius", "inertia", "tool_height", "disk_height", "middle_height", "speed_factor",
+    "centre_x", "centre_y", "slope_x", "slope_y", "table_grain_x", "table_grain_y",
+    "tip_x", "tip_y", "length_offset",
 )  # fmt: skip
 BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of where the tool is
     "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
@@ -304,6 +306,12 @@ def default_belief(prior: PlanarPrior) -> Belief:
         only_flat=True,
     )
     return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
+
+
+def corrected_belief(prior: PlanarPrior) -> Belief:
+    """Return the default belief, all kinds of which a network has learned to correct."""
+    belief = default_belief(prior)
+    return replace(belief, kinds=tuple(replace(kind, corrected=True) for kind in belief.kinds))
 
 
 def laboratory_kinds(belief: Belief, flat: bool) -> list[Kind]:

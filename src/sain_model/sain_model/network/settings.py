@@ -13,6 +13,8 @@ FRAMES: Final = (PUSH_FRAME, WORLD_FRAME)
 ORDER: Final = "order"  # every member sees all of the data, in an order of its own
 BOOTSTRAP: Final = "bootstrap"  # every member sees episodes drawn with replacement
 
+EARLIER: Final = "earlier"  # training on physics with all that earlier pushes show
+
 MASS_MIDDLE: Final = 8.0  # [kg], of the bodies that networks learn from
 
 

@@ -59,9 +59,17 @@ from sain_model.evaluation.errors import (
     position_errors,
     predict_with_history,
 )
-from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_belief, written_kind
+from sain_model.inference.kinds import (
+    FRICTION,
+    Kind,
+    corrected_belief,
+    friction_kind,
+    read_belief,
+    written_kind,
+)
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.network.settings import PLANAR, PLANAR_AXES, SHIPPED
+from sain_model.network.settings import EARLIER, PLANAR, PLANAR_AXES, SHIPPED
+from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import DEFAULT, EPISODE, NOTHING, TrainingConfig, TrainOptions
@@ -143,7 +151,10 @@ def fit(
             trainer.run(progress)
         histories.append(trainer.history)
     recurrent = config.steps_ahead > 1
-    sain = residual_model(network.weights, kind, config.prior, recurrent=recurrent)
+    belief = None
+    if config.history == EARLIER and isinstance(kind.prior, PlanarPrior):
+        belief = corrected_belief(kind.prior)
+    sain = residual_model(network.weights, kind, config.prior, recurrent=recurrent, belief=belief)
     return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), histories
 
 

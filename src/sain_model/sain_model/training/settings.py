@@ -19,7 +19,7 @@ import tyro
 from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
-from sain_model.network.settings import BOOTSTRAP, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
+from sain_model.network.settings import BOOTSTRAP, EARLIER, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
 
 if TYPE_CHECKING:
     import torch
@@ -66,9 +66,9 @@ class TrainingConfig(Config):
     )
     history: str = option(
         EPISODE,
-        "pushes that the friction is inferred from in training: none, or all others of the episode;"
-        " only for planar priors",
-        choices=(NOTHING, EPISODE),
+        "what physics is inferred from in training, for planar priors: nothing; the friction from"
+        " all other pushes of the episode; or all parameters from the earlier ones, as in use",
+        choices=(NOTHING, EPISODE, EARLIER),
     )
     epochs: int = option(40, "passes over the data", minimum=1)
     epoch_steps: int = option(0, "steps in an epoch; 0: as many as one pass takes", minimum=0)

@@ -15,7 +15,15 @@ import numpy as np
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.untrusted import MOST_BODIES
-from sain_core.push import DEFAULT_SPEED, SPEED, PaperGrid, PushLimits, make_push
+from sain_core.push import (
+    DEFAULT_SPEED,
+    SPEED,
+    PaperGrid,
+    PushLimits,
+    make_push,
+    pushed_bodies,
+    strokes,
+)
 from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, wrap_angle
 from sain_core.shapes.bodies import Bodies, Role
@@ -37,11 +45,13 @@ from sain_sim.world.parameters import (
 )
 from sain_sim.world.shadow import NOMINAL, TRUE, BulletPrior
 from sain_sim.world.start import draw_bodies_start, draw_start, wholly_on
-from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
+from sain_sim.world.truth import LABS, RANDOMISED_TRUTH, TruthConfig
 from sain_sim.world.workcell import FREE_TOOL, WorldConfig
 
 AIMED: Final = 0.6  # share of pushes aimed through the target
 AIM_SPREAD: Final = 0.35  # [rad], standard deviation of the aim
+AIM_WIDTH: Final = 0.6  # [rad], of pushes along an outline
+AIM_TRIES: Final = 50
 SHORTEST: Final = 0.02  # [m], shortest travel
 
 log = logging.getLogger(__name__)
@@ -72,6 +82,22 @@ def draw_outline_push(random: np.random.Generator, scene: Scene, bodies: Bodies)
     location = -random.uniform(-pi, pi)  # (-pi, pi]
     angle = random.uniform(-limits.max_angle, limits.max_angle)
     return make_push(location, angle, random.uniform(SHORTEST, limits.max_length), body=body)
+
+
+def draw_aimed_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
+    """Draw a push along an outline; a share of them roughly towards the nearest other body."""
+    push = draw_outline_push(random, scene, bodies)
+    if len(scene) == 1 or random.uniform() >= AIMED:
+        return push
+    for _ in range(AIM_TRIES):
+        body = int(pushed_bodies(push))
+        ways = np.delete(scene[:, POSITION], body, axis=0) - scene[body, POSITION]
+        x, y = ways[np.hypot(*ways.T).argmin()]
+        heading = strokes(scene, push, PushLimits(), bodies)[1]
+        if np.cos(heading - np.arctan2(y, x)) > np.cos(AIM_WIDTH):
+            break
+        push = draw_outline_push(random, scene, bodies)
+    return push
 
 
 def draw_grid_push(random: np.random.Generator, scene: Scene, bodies: Bodies) -> PushArray:
@@ -118,6 +144,12 @@ class EpisodeConfig(Config):
     floor_episodes: int = option(
         0, "number of first episodes whose pushes are repeated with the true parameters", minimum=0
     )
+    labs: int = option(
+        1,
+        "number of laboratories, from `truth.lab` on, one of which is drawn for each episode",
+        minimum=1,
+        maximum=1_000_000,
+    )
     truth: TruthConfig = RANDOMISED_TRUTH
 
     def __post_init__(self) -> None:
@@ -127,6 +159,11 @@ class EpisodeConfig(Config):
             get_shape(name)
         if self.bodies and not self.shapes:
             raise ConfigError(f"bodies is {self.bodies!r}, and shapes is empty; give both")
+        if self.labs > 1 and self.truth.world not in LABS:
+            raise ConfigError(
+                f"labs is {self.labs}, and world {self.truth.world} is none; use world"
+                f" {' or '.join(LABS)}"
+            )
         _ = self.counts, self.speed_range  # checks them
 
     @property
@@ -185,7 +222,7 @@ class EpisodeRunner:
         self._config = config
         # A tool without an arm ends pushes as one with it, in half the time.
         self._world_config = WorldConfig(robot=FREE_TOOL)
-        circle = draw_outline_push if config.shapes else draw_circle_push
+        circle = draw_aimed_push if config.shapes else draw_circle_push
         self._draw = draw_grid_push if config.sampler == GRID else circle
         built = draw_parameters(generator(seed, "build"), config)
         self._world = open_world(built, self._world_config, engine=config.truth.engine)
@@ -322,12 +359,14 @@ def draw_parameters(
 
 
 def _draw_world(random: np.random.Generator, config: EpisodeConfig) -> WorldParameters:
-    ranges = RANGES[config.parameters]
+    ranges, truth = RANGES[config.parameters], config.truth
+    if config.labs > 1:
+        truth = replace(truth, lab=truth.lab + int(random.integers(config.labs)))
     if config.shapes:
         count = int(random.choice(config.counts))
         names = check_shapes(random.choice(config.shape_names, count).tolist())
-        drawn = config.truth.draw(random, count, ranges, names)
+        drawn = truth.draw(random, count, ranges, names)
         return replace(drawn, roles=(Role.PUSHABLE,) * count)
     others = (DISK,) * (config.disks - 2)
     names = check_shapes((DISK, config.target, *others))
-    return config.truth.draw(random, config.disks, ranges, names)
+    return truth.draw(random, config.disks, ranges, names)

@@ -1,10 +1,12 @@
 """What an episode starts from: the disks, their parameters and where they stand."""
 
 from dataclasses import replace
+from itertools import combinations
 from math import pi
 from typing import Final
 
 import numpy as np
+from shapely import Polygon
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.guarding.untrusted import MOST_BODIES
@@ -34,7 +36,7 @@ Y_RANGE: Final = (-0.22, 0.22)  # [m]
 TOUCHING: Final = 0.5  # share of drawn targets that start at the mid disk
 TOUCHING_GAP: Final = 0.002  # [m], largest gap of those
 TARGET_GAP: Final = 0.06  # [m], largest gap of the others
-TINY: Final = 1e-9  # [m], of rounding
+HALVINGS: Final = 20  # until a gap is exact to a micrometre
 SPREAD: Final = 0.25  # [m], from the mid disk to further disks, at most, in x and in y
 
 
@@ -124,26 +126,40 @@ def draw_start(
 def draw_bodies_start(
     generator: np.random.Generator, parameters: WorldParameters, table: Table
 ) -> Scene:
-    """Draw a start (N, 8) of bodies of any shape: each near another one, in any pose.
+    """Draw a start (N, 8) of bodies of any shape, each of them near another one: half touch it.
 
     Raises:
         ConfigError: when the bodies find no room.
     """
-    radii = np.array(parameters.radii)
-    reach = radii * np.array([shape.circumradius for shape in parameters.body_shapes])
-    corners = reach - radii
+    reach = np.array(parameters.radii) * [s.circumradius for s in parameters.body_shapes]
     for _ in range(PLACING_TRIES):
-        places = np.empty((parameters.count, 2))
-        places[0] = generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)
+        scene = parameters.scene(
+            np.zeros((parameters.count, 2)), generator.uniform(-pi, pi, parameters.count)
+        )
+        scene[0, POSITION] = generator.uniform(*X_RANGE), generator.uniform(*Y_RANGE)
+        rings = [_ring(parameters, scene, body) for body in range(parameters.count)]
         for body in range(1, parameters.count):
             near = int(generator.integers(body))
-            away = reach[near] + reach[body] + generator.uniform(0.0, TARGET_GAP)
-            places[body] = places[near] + away * unit(np.asarray(generator.uniform(-pi, pi)))
-        scene = parameters.scene(places, generator.uniform(-pi, pi, parameters.count))
-        gaps = surface_gaps(scene) - corners[:, None] - corners
-        if gaps.min() >= -TINY and wholly_on(scene, table):
+            touching = generator.uniform() < TOUCHING
+            gap = generator.uniform(0.0, TOUCHING_GAP if touching else TARGET_GAP)
+            way = unit(np.asarray(generator.uniform(-pi, pi)))
+            low, high = 0.0, float(reach[near] + reach[body]) + gap
+            for _ in range(HALVINGS):
+                middle = (low + high) / 2
+                scene[body, POSITION] = scene[near, POSITION] + middle * way
+                rings[body] = _ring(parameters, scene, body)
+                close = rings[body].distance(rings[near]) < gap
+                low, high = (middle, high) if close else (low, middle)
+            scene[body, POSITION] = scene[near, POSITION] + high * way
+            rings[body] = _ring(parameters, scene, body)
+        apart = all(not one.intersects(other) for one, other in combinations(rings, 2))
+        if apart and wholly_on(scene, table):
             return scene
     raise ConfigError(f"no room for {parameters.count} bodies in {PLACING_TRIES} tries; take fewer")
+
+
+def _ring(parameters: WorldParameters, scene: Scene, body: int) -> Polygon:
+    return Polygon(parameters.body_shapes[body].placed(scene[body]))
 
 
 def _least_gap(scene: Scene, corners: Scalars) -> float:
