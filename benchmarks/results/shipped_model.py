@@ -49,10 +49,9 @@ def main() -> None:
     out = arguments.out
     for step in arguments.steps:
         if step == "collect":
-            for number, (name, (episodes, how)) in enumerate(LEARNED.items()):
-                collect(out / "learned" / name, episodes, 100 + number, how)
-            for number, (name, (episodes, how)) in enumerate(FRESH.items()):
-                collect(out / "fresh" / name, episodes, 200 + number, how)
+            for kind, seed, sets in (("learned", 100, LEARNED), ("fresh", 200, FRESH)):
+                for number, (name, (episodes, how)) in enumerate(sets.items(), seed):
+                    collect(out / kind / name, episodes, number, how)
         elif step == "train":
             folders = [str(out / "learned" / name) for name in LEARNED]
             run("sain_model", "train", *folders, "--out", str(out / "sain"), *TRAINING.split())
@@ -60,8 +59,8 @@ def main() -> None:
             checkpoint = arguments.checkpoint or str(out / "sain/sain.safetensors")
             for name in FRESH:
                 result = out / f"errors/{name}.json"
-                how = ("--checkpoint", checkpoint, "--out", str(result), "--overwrite")
-                run("sain_model", "evaluate", str(out / "fresh" / name), "--open-loop", *how)
+                where = ("--checkpoint", checkpoint, "--out", str(result), "--overwrite")
+                run("sain_model", "evaluate", str(out / "fresh" / name), "--open-loop", "1", *where)
 
 
 def collect(folder: Path, episodes: int, seed: int, how: str) -> None:
