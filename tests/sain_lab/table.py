@@ -55,4 +55,6 @@ def plant(path):
     for name in weights.tensors:
         weights.tensors[name] *= 1.5 if name.startswith("dynamics") else 1.0
     path.parent.mkdir(parents=True, exist_ok=True)
-    save_checkpoint(path, weights, parse_card(shipped_checkpoint(), shipped.origin.card))
+    card = parse_card(shipped_checkpoint(), shipped.origin.card)
+    # on friction alone, so that earlier pushes do not switch it off
+    save_checkpoint(path, weights, replace(card, training={**card.training, "history": "episode"}))
