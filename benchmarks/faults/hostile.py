@@ -40,6 +40,7 @@ from sain_model.dynamics.load import shipped_checkpoint
 Random = np.random.Generator
 MOST_SECONDS: Final = 10.0  # of the processor
 PATIENCE: Final = 60.0  # [s]
+AT_ONCE: Final = 8  # calls; a service keeps ten that it has not taken yet
 STARTS: Final = 300.0  # [s], which may include that kernels are compiled
 MEMORY: Final = 1 << 30  # [bytes], more than this process has
 LARGEST: Final = (1 << 64) - 1
@@ -231,7 +232,10 @@ def called(node: Node, topic: str, kind: Any, some: list[Any]) -> int:
     """Call a service; return how many calls it answered."""
     client = node.create_client(kind, topic)
     spin(node, client.service_is_ready, STARTS)
-    futures = [client.call_async(one) for one in some]
+    futures: list[Any] = []
+    for one in some:
+        spin(node, lambda: sum(not future.done() for future in futures) < AT_ONCE)
+        futures.append(client.call_async(one))
     spin(node, lambda: all(one.done() for one in futures))
     return sum(one.done() for one in futures)
 
