@@ -179,8 +179,12 @@ class Kind:
         """Return one value at vectors z; the default of a parameter that the prior has not."""
         if name in self.names:
             return self.values(places)[name]
-        config = self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
-        return float(getattr(config, name))
+        return float(getattr(self.prior_config, name))
+
+    @property
+    def prior_config(self) -> PlanarConfig:
+        """The settings of a planar prior; of others the defaults."""
+        return self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
 
     def at(self, place: Float[ndarray, "D"]) -> Model:
         """Return the prior at one vector z."""
