@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Final
 
 from benchmarks.gates.table import Gate
+from benchmarks.results.shipped_model import DRAWN, UNSEEN
 from sain_core.randomness import Interval
-from sain_core.shapes.library import library
 from sain_core.workers import WorkerOptions
 from sain_eval.episode import Tolerance
 from sain_eval.loop.evaluation import EpisodeJob, run_jobs
@@ -37,9 +37,6 @@ WORLDS: Final = {
     "rough": TruthConfig(world=ROUGH),
     "MuJoCo": TruthConfig(engine=MUJOCO),
 }
-NAMES: Final = tuple(shape.name for shape in library())
-UNSEEN: Final = NAMES[3::4]  # the shipped network has not learned from these
-DRAWN: Final = tuple(name for name in NAMES if name not in UNSEEN)
 SAMPLES: Final = {
     "disks": ["--episodes", "150", "--seed", "9101"],
     "seen shapes": ["--episodes", "100", "--seed", "9102", "--shapes", ",".join(DRAWN)],

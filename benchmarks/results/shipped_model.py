@@ -15,8 +15,9 @@ from sain_core.shapes.library import library
 from sain_core.shapes.solids import DISK
 
 NAMES: Final = tuple(shape.name for shape in library())
-UNSEEN: Final = ",".join(NAMES[3::4])
-SEEN: Final = ",".join([name for name in NAMES if name not in NAMES[3::4]] + [DISK])
+UNSEEN: Final = NAMES[3::4]
+DRAWN: Final = tuple(name for name in NAMES if name not in UNSEEN)
+SEEN: Final = ",".join((*DRAWN, DISK))
 SPEEDS: Final = "--speeds 0.05-0.3"
 SHAPES: Final = f"{SPEEDS} --bodies 1-2 --shapes"
 MUJOCO: Final = "--engine mujoco"
@@ -30,7 +31,7 @@ LEARNED: Final = {  # name of a data set: episodes, options of `collect`
     "measured": (350, f"{MUJOCO} --world measured --labs 1000 {SHAPES} {SEEN}"),
 }
 FRESH: Final = {  # what it has not learned from: seeds, labs and, but for disks, shapes
-    name: (40, how.replace(SEEN, UNSEEN).replace("--labs", "--lab 5000 --labs"))
+    name: (40, how.replace(SEEN, ",".join(UNSEEN)).replace("--labs", "--lab 5000 --labs"))
     for name, (_, how) in LEARNED.items()
 }
 TRAINING: Final = (
@@ -65,7 +66,7 @@ def main() -> None:
 
 def collect(folder: Path, episodes: int, seed: int, how: str) -> None:
     """Collect a data set, or go on with it."""
-    size = ("--episodes", str(episodes), "--seed", str(seed))
+    size = ("--episodes", str(episodes), "--seed", str(seed), "--workers", "2")
     run("sain_sim", "collect", "--out", str(folder), *size, *how.split())
 
 

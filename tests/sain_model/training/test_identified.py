@@ -63,6 +63,7 @@ def test_a_network_on_the_physics_of_use_corrects_whatever_earlier_pushes_show(d
         (["--prior", "identity"], "--prior is 'identity'; the physics of"),
         (["--prior", "planar_axes"], "is a 'planar': leave --prior out"),
         (["--from", "sain"], "--belief is for new weights"),
+        (["--history", "earlier"], "--history is 'earlier', by which pushes show what --belief"),
     ],
 )
 def test_what_contradicts_the_belief_is_refused(options, message, dataset, tmp_path, capsys):

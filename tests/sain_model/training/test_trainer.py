@@ -137,6 +137,8 @@ def test_the_papers_settings_are_one_word_and_can_be_changed():
     assert epochs.rate(7999, 10**7) == 0.125 * 1e-3
     with pytest.raises(ConfigError, match=r"TrainingConfig.schedule is 'linear'"):
         TrainingConfig(schedule="linear")
+    with pytest.raises(ConfigError, match="steps_ahead 3; rollouts infer the friction alone"):
+        TrainingConfig(history="earlier", steps_ahead=3)
 
 
 def test_the_settings_beside_a_checkpoint(dataset, tmp_path):

@@ -218,7 +218,7 @@ class PushDriver:
         if before is None or len(seen.disks) != len(before.disks):
             return
         if find_second_publisher(self._node, ("scene",)):
-            return  # which of them is right is not known
+            return  # either may be wrong
         self._after = seen
         if seen.stamp < self._ended + AFTER or not seen.at_rest:
             return

@@ -24,11 +24,10 @@ from sain_model.dynamics.identify import with_all_parameters
 from sain_model.dynamics.intervals import Intervals
 from sain_model.dynamics.priors import C, Settings, make_prior, naming
 from sain_model.dynamics.sain import RECURRENT, SainDynamics, residual_model
-from sain_model.inference.kinds import FRICTION, Kind, corrected_belief, friction_kind, read_kind
-from sain_model.network.settings import EARLIER, SHIPPED, NetworkConfig
+from sain_model.inference.kinds import FRICTION, Kind, friction_kind, read_kind
+from sain_model.network.settings import SHIPPED, NetworkConfig
 from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import BY_NAME
-from sain_model.physics.planar import PlanarPrior
 
 SUFFIX: Final = ".safetensors"
 
@@ -181,10 +180,8 @@ def load_checkpoint(path: Path) -> SainDynamics:
     except CheckpointError as error:
         raise CheckpointError(f"{path}: {error}") from error
     recurrent, bottoms = card.kind == RECURRENT, card.bottoms or BOTTOMS
-    belief = None
-    if card.training.get("history") == EARLIER and isinstance(kind.prior, PlanarPrior):
-        belief = corrected_belief(kind.prior)
-    model = residual_model(weights, kind, card.prior, intervals, recurrent, bottoms, belief)
+    history = str(card.training.get("history", ""))
+    model = residual_model(weights, kind, card.prior, intervals, recurrent, bottoms, history)
     origin = replace(model.origin, model_hash=card.weights_sha256, card=text)
     return replace(model, origin=origin)
 

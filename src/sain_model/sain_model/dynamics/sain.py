@@ -35,15 +35,15 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, only, read_belief
+from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, corrected_belief, only, read_belief
 from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
 from sain_model.network.network_kernels import PackedWeights, correct_block
-from sain_model.network.settings import IDENTITY, WORLD_FRAME
+from sain_model.network.settings import EARLIER, IDENTITY, WORLD_FRAME
 from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import Values, with_mass_ratio
-from sain_model.physics.planar import step_knowing
+from sain_model.physics.planar import PlanarPrior, step_knowing
 
 
 class PhysicsPrediction(NamedTuple):
@@ -411,16 +411,26 @@ def residual_model(
     intervals: Intervals | None = None,
     recurrent: bool = False,
     bottoms: Sequence[str] = BOTTOMS,
-    belief: Belief | None = None,
+    history: str = "",
 ) -> SainDynamics:
-    """Return SAIN of a network that was trained on one kind of physics, and on such bodies.
+    """Return SAIN of a network that was trained on a kind of physics, and on such bodies.
 
-    With a `belief`, it was trained on the physics that this infers.
+    `history` is what pushes showed of the physics in its training; see `trained_belief`.
     """
     name = RECURRENT if recurrent else RESIDUAL
     origin = Origin(LEARNED if prior_name == IDENTITY else name, prior_name)
     network = ResidualNetwork(weights, intervals, bottoms=tuple(bottoms))
-    return SainDynamics(belief or only(kind), network, origin)
+    return SainDynamics(trained_belief(kind, history), network, origin)
+
+
+def trained_belief(kind: Kind, history: str) -> Belief:
+    """Return what is believed where a network is trained: of one kind of physics, or of all.
+
+    With `EARLIER`, earlier pushes show all parameters of a planar prior, as in use.
+    """
+    if history == EARLIER and isinstance(kind.prior, PlanarPrior):
+        return corrected_belief(kind.prior)
+    return only(kind)
 
 
 def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:

@@ -177,14 +177,11 @@ class Kind:
 
     def value(self, name: str, places: Places) -> Scalars | float:
         """Return one value at vectors z; the default of a parameter that the prior has not."""
-        if name in self.names:
-            return self.values(places)[name]
-        return float(getattr(self.prior_config, name))
-
-    @property
-    def prior_config(self) -> PlanarConfig:
-        """The settings of a planar prior; of others the defaults."""
-        return self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
+        config = self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
+        base = float(getattr(config, name))
+        if name not in self.names:
+            return base
+        return _value(BY_NAME[name], base, places[:, self.names.index(name)])
 
     def at(self, place: Float[ndarray, "D"]) -> Model:
         """Return the prior at one vector z."""
@@ -275,15 +272,6 @@ def only(kind: Kind) -> Belief:
     For a body that it did not learn from, its own pushes have to show it.
     """
     return Belief((kind,), OF_NEW if kind.of_bodies else np.inf)
-
-
-def by_friction(belief: Belief) -> Belief:
-    """Return a belief of which pushes show the kind of physics and its friction alone."""
-    kinds = (
-        replace(kind, names=(FRICTION,), covariance=np.eye(1)) if kind.names else kind
-        for kind in belief.kinds
-    )
-    return Belief(tuple(kinds), np.inf)
 
 
 def default_belief(prior: PlanarPrior) -> Belief:

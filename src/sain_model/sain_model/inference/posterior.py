@@ -336,12 +336,7 @@ class Posterior:
         Where a parameter is none of a row's kind, it has the value of that kind's prior.
         """
         names = dict.fromkeys(name for kind in self.belief.kinds for name in kind.names)
-        found = {name: np.empty(len(self.kind)) for name in names}
-        for rows, kind in self.by_kind:
-            values = kind.values(self.places[rows])
-            for name, all_rows in found.items():
-                all_rows[rows] = values.get(name, getattr(kind.prior_config, name))
-        return found
+        return {name: self.values(name) for name in names}
 
     def step(self, bodies: Bodies, scenes: Scenes, pushes: Pushes) -> Scenes:
         """Predict push i (M, N, 8) with the physics of row i."""

@@ -62,14 +62,12 @@ from sain_model.evaluation.errors import (
 from sain_model.inference.kinds import (
     FRICTION,
     Kind,
-    corrected_belief,
     friction_kind,
     read_belief,
     written_kind,
 )
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import EARLIER, PLANAR, PLANAR_AXES, SHIPPED
-from sain_model.physics.planar import PlanarPrior
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import DEFAULT, EPISODE, NOTHING, TrainingConfig, TrainOptions
@@ -97,9 +95,13 @@ def identified_kind(path: Path, config: TrainingConfig) -> tuple[TrainingConfig,
 
     A checkpoint on it infers friction alone, as in its training: the recordings show the rest.
     Raises `CheckpointError`: no such file, or not a belief; `ConfigError`: the settings ask for
-    another prior.
+    another prior, or to infer again what it states.
     """
     kind = read_belief(path).likeliest
+    if config.history == EARLIER:
+        raise ConfigError(
+            f"--history is {EARLIER!r}, by which pushes show what --belief states; leave one out"
+        )
     if kind.of_bodies:
         seen = replace(config.network, believed=True)
         return replace(config, prior=PLANAR, network=seen), replace(kind, corrected=True)
@@ -151,10 +153,9 @@ def fit(
             trainer.run(progress)
         histories.append(trainer.history)
     recurrent = config.steps_ahead > 1
-    belief = None
-    if config.history == EARLIER and isinstance(kind.prior, PlanarPrior):
-        belief = corrected_belief(kind.prior)
-    sain = residual_model(network.weights, kind, config.prior, recurrent=recurrent, belief=belief)
+    sain = residual_model(
+        network.weights, kind, config.prior, recurrent=recurrent, history=config.history
+    )
     return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), histories
 
 

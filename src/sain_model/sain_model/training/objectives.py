@@ -27,10 +27,10 @@ from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Pushes, Scenes
 from sain_model.compute.threads import one_numba_thread, settle_threads
 from sain_model.data.dataset import Dataset, Part, Split, Windows, make_windows
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, trained_belief
 from sain_model.evaluation.errors import inferred_rows
 from sain_model.inference.evidence import Known, grid_values
-from sain_model.inference.kinds import Kind, default_belief
+from sain_model.inference.kinds import Belief, Kind
 from sain_model.network.feature_kernels import GAP_AFTER, GAP_BEFORE, MIRRORED_RELATION
 from sain_model.network.features import (
     mirrored_columns,
@@ -39,9 +39,9 @@ from sain_model.network.features import (
     true_residual,
 )
 from sain_model.network.interaction_network import CHUNK, InteractionNetwork, as_tensors
-from sain_model.network.settings import EARLIER, NetworkConfig
+from sain_model.network.settings import NetworkConfig
 from sain_model.physics.parameters import Values
-from sain_model.physics.planar import PlanarPrior, step_knowing
+from sain_model.physics.planar import step_knowing
 from sain_model.training.settings import TrainingConfig
 from sain_model.training.trainer import LearningObjective
 
@@ -247,9 +247,9 @@ def make_examples(
     return _examples_on(data, physics_next, values, network)
 
 
-def _examples_as_used(data: Part, prior: PlanarPrior, network: NetworkConfig) -> Examples:
+def _examples_as_used(data: Part, belief: Belief, network: NetworkConfig) -> Examples:
     """Return examples on the physics that the earlier pushes of each push's episode show."""
-    model = SainDynamics(default_belief(prior), bodies=data.bodies)
+    model = SainDynamics(belief, bodies=data.bodies)
     rows = inferred_rows(model, data)
     physics_next = rows.step(data.bodies, data.state, data.action)
     return _examples_on(data, physics_next, rows.believed(), network)
@@ -280,13 +280,15 @@ def _examples_of(
 ) -> Examples:
     """Return the examples of all parts together, padded to the most bodies."""
     network, most = config.network, max(part.disks for part in data.parts)
-    examples = []
-    for part in data.parts:
-        if config.history == EARLIER and isinstance(kind.prior, PlanarPrior):
-            some = _examples_as_used(part, kind.prior, network)
-        else:
-            some = make_examples(part, kind.prior, inferred_values(part, kind), network)
-        examples.append(some.padded(most))
+    belief = trained_belief(kind, config.history)
+    examples = [
+        (
+            _examples_as_used(part, belief, network)
+            if len(belief.kinds) > 1
+            else make_examples(part, kind.prior, inferred_values(part, kind), network)
+        ).padded(most)
+        for part in data.parts
+    ]
     images = [some.mirrored(network) for some in examples] if mirror else []
     return examples[0].and_then(*examples[1:], *images)
 

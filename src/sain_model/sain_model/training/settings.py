@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 import tyro
 
 from sain_core.config import MOST_SEED, Config, option, required
+from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
 from sain_model.network.settings import BOOTSTRAP, EARLIER, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
@@ -107,6 +108,15 @@ class TrainingConfig(Config):
     )
     rollout_epochs: int = option(12, "passes over the windows", minimum=1)
     network: NetworkConfig = NetworkConfig()
+
+    def __post_init__(self) -> None:
+        """Check the fields, and that rollouts know what is inferred."""
+        super().__post_init__()
+        if self.steps_ahead > 1 and self.history == EARLIER:
+            raise ConfigError(
+                f"history is {EARLIER!r}, and steps_ahead {self.steps_ahead}; rollouts infer the"
+                f" friction alone: use history {EPISODE}, or steps_ahead 1"
+            )
 
     @property
     def of_pushes(self) -> Self:

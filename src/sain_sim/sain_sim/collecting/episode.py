@@ -146,7 +146,7 @@ class EpisodeConfig(Config):
     )
     labs: int = option(
         1,
-        "number of laboratories, from `truth.lab` on, one of which is drawn for each episode",
+        "number of laboratories, from `lab` on, one of which is drawn for each episode",
         minimum=1,
         maximum=1_000_000,
     )
