@@ -7,6 +7,7 @@ from typing import Any, Final, Self
 import numba
 import numpy as np
 from numba.core.caching import _CacheLocator
+from numba.core.codegen import get_host_cpu_features
 
 from sain_model.compute.kernel_store import compiled_folder
 
@@ -16,6 +17,20 @@ NOT_FROM_PYTHON: Final = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 # Numba counts who uses an array wherever a kernel takes one out of a tuple. Kernels that make and
 # return no arrays need no counts, and run in half of the time.
 NO_COUNTS: Final = {**NOT_FROM_PYTHON, "_nrt": False}
+
+
+def _use_wide_vectors() -> None:
+    """Let kernels use vectors of 512 bits where there are any: LLVM prefers 256 on most processors.
+
+    The network takes three quarters of the time, and computes the same.
+    """
+    config: Any = numba.config
+    features = get_host_cpu_features()
+    if config.CPU_FEATURES is None and "+avx512f" in features:
+        config.CPU_FEATURES = f"{features},-prefer-256-bit"
+
+
+_use_wide_vectors()
 
 
 def plain(array: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
@@ -281,7 +281,10 @@ class SainDynamics(Model):
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
         if self.network is None or not self.corrects:
             return physics_next.copy()
-        return self.network.correct(self._as_seen(scenes, pushes, physics_next, self.now, values))
+        ratio, believed = self._seen_now
+        weighed, believed = with_mass_ratio(scenes, ratio), believed | dict(values or {})
+        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
+        return self.network.correct(physics)
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -386,22 +389,21 @@ class SainDynamics(Model):
         return np.asarray(better - plain)
 
     def _as_seen(
-        self,
-        scenes: Scenes,
-        pushes: Pushes,
-        after: Scenes,
-        posterior: Posterior,
-        values: Values | None = None,
+        self, scenes: Scenes, pushes: Pushes, after: Scenes, rows: Posterior
     ) -> PhysicsPrediction:
-        """Return what physics predicts as the network sees it; one row is for all.
+        """Return what physics predicts for each row as the network sees it."""
+        ratio, believed = self._seen(rows)
+        weighed = with_mass_ratio(scenes, ratio)
+        return PhysicsPrediction(weighed, pushes, after, self.bodies, believed)
 
-        It sees masses as the physics takes them to be, and what is believed of parameters, if it
-        was made to.
-        """
-        weighed = with_mass_ratio(scenes, posterior.values(MASS_RATIO))
+    @cached_property
+    def _seen_now(self) -> tuple[Scalars, dict[str, Scalars]]:
+        return self._seen(self.now)
+
+    def _seen(self, posterior: Posterior) -> tuple[Scalars, dict[str, Scalars]]:
+        """Return the ratio of masses, and what the network was made to see of parameters."""
         sees = self.network is not None and self.network.weights.config.believed
-        believed = posterior.believed() if sees else {}
-        return PhysicsPrediction(weighed, pushes, after, self.bodies, believed | dict(values or {}))
+        return posterior.values(MASS_RATIO), posterior.believed() if sees else {}
 
 
 def residual_model(

@@ -25,8 +25,9 @@ MOST_CONTACTS = 24  # of a pair, a guard; two polygons that lie side by side hav
 
 
 def _record(numbers: str, integers: str = "", flags: str = "") -> np.dtype:
+    """Return the type of a record; indices have no sign, so that none is checked for a negative."""
     fields: list[tuple[str, type]] = [(name, np.float64) for name in numbers.split()]
-    fields += [(name, np.int64) for name in integers.split()]
+    fields += [(name, np.uint32) for name in integers.split()]
     return np.dtype(fields + [(name, np.bool_) for name in flags.split()], align=True)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, START_X, START_Y, TIP_RADIUS
 from sain_core.scene import RADIUS, THETA, X, Y
-from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
+from sain_model.compute.compiling import callable_kernel, compiled
 from sain_model.physics.body_kernels import MOST_CONTACTS, TOOL
 
 NEAR = 0.005  # [m], features further apart are looked at again in the next step
@@ -22,7 +22,7 @@ CROSSED = 0.005  # [m], corners as near as this may have crossed since they were
 ON_SIDE, ON_CORNER = 0, 1  # kinds of features
 
 
-@compiled_apart
+@compiled
 def find_touching(work, horizon):
     """List anew, without impulses, the features that are near each other, or will be soon.
 

@@ -6,7 +6,7 @@ projected Gauss-Seidel sweeps over the contacts, which begin with the impulses o
 
 import numpy as np
 
-from sain_model.compute.compiling import compiled, compiled_apart
+from sain_model.compute.compiling import compiled
 from sain_model.physics.body_kernels import TOOL, forget_change
 from sain_model.physics.contact_kernels import ON_CORNER, ON_SIDE
 from sain_model.physics.support_kernels import hold_back, hold_supports
@@ -262,7 +262,7 @@ def _sliding(contact, point, side):
     return vy * contact.end_x - vx * contact.end_y + turning
 
 
-@compiled_apart
+@compiled
 def solve_impulses(work, tool_speed):
     """Find the impulses that keep all contacts apart, with Coulomb friction; apply them.
 
