@@ -20,10 +20,16 @@ from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
-from sain_model.dynamics.identify import believed_places, body_names, infer_bodies, with_beliefs
+from sain_model.dynamics.identify import (
+    believed_places,
+    body_names,
+    pushes_of_bodies,
+    with_beliefs,
+)
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
-from sain_model.inference.kinds import friction_kind
+from sain_model.inference.kinds import friction_kind, only
+from sain_model.inference.population import Pair, Population
 from sain_model.inference.posterior import Posterior
 from sain_model.network.interaction_network import new_network
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME, WORLD_FRAME, NetworkConfig
@@ -91,7 +97,7 @@ class NetworkRow:
         physics of their bodies, and what the network adds was learned from others.
         """
         if self.on is None:
-            nothing = Physics(friction_kind(IdentityPrior(), infers=False), {})
+            nothing = Physics(Population.before(friction_kind(IdentityPrior(), infers=False)))
             return self.trained(train.and_also(own), nothing, known=True)
         physics = self.on.fit(train, own)
         assert isinstance(physics, Physics)
@@ -112,18 +118,15 @@ class NetworkRow:
             pushes.select(rows) for rows in draw_parts(labels, config.seed, share, 0.0)[:2]
         )
         split = Split(
-            *(
-                with_beliefs(some.dataset, physics.kind, physics.places)
-                for some in (learned, held, held)
-            )
+            *(with_beliefs(some.dataset, physics.population) for some in (learned, held, held))
         )
         network = new_network(config.network, config.seed)
-        objective = SinglePushes(split, physics.kind, config)
-        seen = {name: z for name, z in physics.places.items() if name in pushes.body}
-        digest = hashlib.sha256(pushes.row.tobytes() + replace(physics, places=seen).identity)
+        kind = physics.population.kind
+        objective = SinglePushes(split, kind, config)
+        digest = hashlib.sha256(pushes.row.tobytes() + physics.identity_of(pushes))
         path = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}.pt"
         Trainer(network, objective, config, path, keeps_start=not known).run()
-        model = residual_model(network.weights, replace(physics.kind, corrected=True), config.prior)
+        model = residual_model(network.weights, replace(kind, corrected=True), config.prior)
         return OfKnown(model, physics, held)
 
 
@@ -155,7 +158,7 @@ class OfKnown:
 
     def predicted(self, part: Part, corrected: bool = True) -> Prediction:
         """Return what is predicted with what is believed of each body."""
-        places = believed_places(part, self.physics.kind, self.physics.places)
+        places = believed_places(part, self.physics.population)
         rows = Posterior.at(self.model.belief, 0, places, np.full(len(part), corrected))
         return self.model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
@@ -194,7 +197,9 @@ class OfKnownAndNew:
     ) -> Predicted:
         """Predict pushes of a body by a model that is conditioned on its own pushes."""
         (part,) = pushes.dataset.parts
-        conditioned = model.with_bodies(part.bodies)
+        pair = Pair(pushes.object[0], pushes.surface[0])
+        kind = replace(self.physics.population.kind_of(pair, own=False), corrected=True)
+        conditioned = model.believing(only(kind)).with_bodies(part.bodies)
         own = self.own.select(self.own.body == body)
         for past in own.dataset.parts:
             history = PushHistory(past.state, past.action, past.next_state)
@@ -211,8 +216,13 @@ class OfKnownAndNew:
         """
         count = int(np.unique(self.own.body, return_counts=True)[1].max()) if len(self.own) else 0
         few, others = _few_and_others(self.train, count)
-        kind = self.physics.kind
-        as_new = OfKnown(model, Physics(kind, infer_bodies(kind, few.dataset)), others)
+        population = self.physics.population
+        places = {pair: population.belief(pair)[0] for pair in population.shown}
+        unseen = {pair: one._replace(place=places[pair]) for pair, one in population.shown.items()}
+        new = replace(population, shown=unseen)
+        if count:
+            new = new.learn(pushes_of_bodies(few.dataset))
+        as_new = OfKnown(model, Physics(new), others)
         parts = others.dataset.parts
         return fit_regions([as_new.predicted(part, False) for part in parts], parts, STATED)
 

@@ -18,9 +18,9 @@ from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
 from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.dataset import Dataset, Part, load_dataset
-from sain_model.dynamics.identify import on_surfaces
 from sain_model.importing.data_set import WRITTEN, import_pushes, write_imported
 from sain_model.importing.files import read_recordings
+from sain_model.inference.population import Pair
 from sain_model.network.feature_kernels import MASS_MIDDLE
 from sain_model.physics.planar import first_touch
 
@@ -105,7 +105,9 @@ class PushTable:
     @cached_property
     def body(self) -> Names:
         """The name of each body on its surface: what has parameters of its own."""
-        return on_surfaces(self.object, self.surface)
+        return np.array(
+            [str(Pair(*names)) for names in zip(self.object, self.surface, strict=True)]
+        )
 
     @cached_property
     def dataset(self) -> Dataset:

@@ -333,7 +333,7 @@ class Learner:
         named = state.bodies.update()
         changed = state.believer.update() or named
         if changed:
-            belief = state.bodies.belief() if named else state.believer.belief
+            belief = state.bodies.belief if named else state.believer.belief
             write_belief(self.laboratory.belief_path, belief)
             if state.pushes > state.stated:
                 values = (state.bodies if named else state.believer).parameters

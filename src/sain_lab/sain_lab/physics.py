@@ -10,8 +10,7 @@ accurate as to infer all of them again, and takes a tenth of the time.
 
 What is believed of bodies that have names, each on its surface, as a robot's recordings state.
 
-Each body has values of its own of every parameter. A body that was not pushed yet has the mean and
-the spread of the others.
+Each body has values of its own of every parameter; see `sain_model.inference.population`.
 """
 
 from collections import deque
@@ -35,7 +34,8 @@ from sain_model.inference.kinds import (
     laboratory_kinds,
     surface_kind,
 )
-from sain_model.inference.posterior import Fit, fit
+from sain_model.inference.population import Pair, Population
+from sain_model.inference.posterior import Fit
 from sain_model.physics.planar import PlanarPrior
 
 WINDOW: Final = 300  # pushes that the belief is inferred from
@@ -241,18 +241,15 @@ def physics_model(belief: Belief) -> SainDynamics:
     )
 
 
-FIRST: Final = 12  # steps of the first fit of a body
-BODY_AGAIN: Final = 3
 BODY_GROWTH: Final = 0.05  # share of new pushes after which a body is fitted again
+DIFFER: Final = 4  # bodies show how much they differ; fewer do not
 
 
 @dataclass
 class _Body:
-    """A body on a surface: its latest pushes, and the vector z that explains them."""
+    """The latest pushes of a body on a surface."""
 
     pushes: deque[Result] = field(default_factory=lambda: deque(maxlen=identify.ENOUGH))
-    place: Float[ndarray, "D"] | None = None
-    covariance: Float[ndarray, "D D"] | None = None
     new: int = 0  # pushes that it was not fitted to
 
 
@@ -260,64 +257,45 @@ class BodyBeliever:
     """Keeps what pushes say of each body."""
 
     def __init__(self) -> None:
-        self._kind = surface_kind()
-        self._bodies: dict[str, _Body] = {}
-        self._latest = ""  # the body that was pushed last
+        self._population = Population.before(replace(surface_kind(), corrected=True))
+        self._bodies: dict[Pair, _Body] = {}
+        self._latest = Pair(identify.ANOTHER, identify.ANOTHER)  # the body that was pushed last
 
     def add(self, result: Result) -> None:
         """Take a push."""
-        self._latest = body_name(result)
+        self._latest = Pair(result.object, result.surface)
         body = self._bodies.setdefault(self._latest, _Body())
         body.pushes.append(result)
         body.new += 1
 
     def update(self) -> bool:
         """Fit bodies with enough new pushes anew; return whether anything changed."""
-        changed = False
-        for name, body in self._bodies.items():
-            if body.new and body.new >= BODY_GROWTH * len(body.pushes):
-                self._fit(name, body)
-                changed = True
-        return changed
-
-    def _fit(self, name: str, body: _Body) -> None:
-        kind, mean = self._another(name)
-        parts, _ = observed(replace(push, episode=name) for push in body.pushes)
-        start = np.zeros_like(mean) if body.place is None else body.place - mean
-        found = fit(kind, parts, start[None], FIRST if body.place is None else BODY_AGAIN)
-        body.place, body.covariance, body.new = found.places[0] + mean, found.covariance[0], 0
-
-    def _another(self, name: str) -> tuple[Kind, Float[ndarray, "D"]]:
-        """Return what bodies other than this one show of it, and their mean vector z."""
-        bodies = (body for other, body in self._bodies.items() if other != name)
-        places = [body.place for body in bodies if body.place is not None]
-        if not places:
-            return self._kind, np.zeros(len(self._kind.names))
-        return identify.of_another_body(self._kind, np.stack(places)), np.mean(places, axis=0)
-
-    def kind(self, name: str) -> Kind:
-        """Return what is believed of a body, known or not."""
-        body = self._bodies.get(name)
-        if body is None or body.place is None or body.covariance is None:
-            return self._another(name)[0]
-        return self._kind.believing(body.place, body.covariance)
+        changed = {
+            pair: observed(replace(push, episode=str(pair)) for push in body.pushes)[0]
+            for pair, body in self._bodies.items()
+            if body.new and body.new >= BODY_GROWTH * len(body.pushes)
+        }
+        if changed:
+            self._population = self._population.learn(changed)
+            if len(self._population.shown) >= DIFFER:
+                self._population = self._population.learned()
+        for pair in changed:
+            self._bodies[pair].new = 0
+        return bool(changed)
 
     def model(self, result: Result) -> SainDynamics:
         """Return the physics of the body of a push."""
-        return physics_model(self.belief(body_name(result)))
+        return physics_model(
+            Belief((self._population.kind_of(Pair(result.object, result.surface)),))
+        )
 
-    def belief(self, name: str = "") -> Belief:
-        """Return what is believed of a body; without a name of one that was not pushed yet."""
-        kind = replace(self.kind(name), corrected=True)
-        bodies = {one: self.kind(one).stated for one in self._bodies}
-        return Belief((kind,), card={"bodies": bodies})
+    @property
+    def belief(self) -> Belief:
+        """What is believed of a body that was not pushed yet."""
+        bodies = {str(pair): self._population.kind_of(pair).stated for pair in self._bodies}
+        return Belief((identify.another(self._population),), card={"bodies": bodies})
 
     @property
     def parameters(self) -> Parameters:
         """Values and spreads of the body that was pushed last."""
-        return self.kind(self._latest).stated
-
-
-def body_name(result: Result) -> str:
-    """Return the name of the body of a push on its surface."""
-    return str(identify.on_surfaces(np.array([result.object]), np.array([result.surface]))[0])
+        return self._population.kind_of(self._latest).stated

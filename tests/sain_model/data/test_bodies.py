@@ -20,6 +20,7 @@ from sain_model.dynamics.identify import (
 from sain_model.dynamics.load import load_checkpoint, save_checkpoint
 from sain_model.dynamics.sain import weights_of
 from sain_model.inference.kinds import read_belief, surface_kind, write_belief
+from sain_model.inference.population import Pair
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.fit import fit, identified_kind, make_card
 from sain_model.training.settings import TrainingConfig, TrainOptions
@@ -63,12 +64,12 @@ def test_own_pushes_show_what_a_body_is_like(data):
     assert states_bodies(data)
     assert set(body_names(data.parts[0])) == {"square on steel", "square on wood"}
     kind = surface_kind()
-    places = infer_bodies(kind, data)
+    population = infer_bodies(kind, data)
     for (name, surface), truth in TRUTH.items():
-        found = kind.values(places[f"{name} on {surface}"][None])
+        found = kind.values(population.place(Pair(name, surface))[None])
         for one, value in truth.items():
             assert found[one][0] == pytest.approx(value, abs=0.15 * abs(value) + 0.01), one
-    believed = with_beliefs(data, kind, places)
+    believed = with_beliefs(data, population)
     part = believed.parts[0]
     off = kind.step(part.bodies, part.state, part.action, part.given) - part.next_state
     assert np.median(np.abs(off[..., POSITION])) < 1e-4

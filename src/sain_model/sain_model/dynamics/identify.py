@@ -30,18 +30,19 @@ from sain_model.inference.evidence import (
 from sain_model.inference.kinds import (
     FRICTION,
     KEEP,
+    NO_AXES,
     Belief,
     Kind,
     Places,
     default_belief,
     surface_kind,
 )
+from sain_model.inference.population import Pair, Population
 from sain_model.inference.posterior import Fit, Parts, Posterior, fit
 from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 25
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
-FEW_BODIES: Final = 4  # fewer do not show how far bodies differ
 LEAST_SPREAD: Final = 0.1  # of z: over episodes, and of what they share
 
 FRICTIONS: Final = (FRICTION, "tool_friction", "disk_friction")  # that have to agree
@@ -100,34 +101,6 @@ def fit_laboratory(
         shared = ~kind.of_episode
         start[:, shared] = start[:, shared].mean(axis=0)
     return fit(kind, parts, start, steps, together=True)
-
-
-def over_bodies(kind: Kind, parts: Parts) -> tuple[Kind, Places]:
-    """Return a kind with what pushes of several bodies show of one that was not pushed yet.
-
-    Also returned are the vectors z of these bodies, as the new kind has them. Each episode is one
-    body on one surface.
-
-    The mean is that of the values that explain the pushes of each best. The spread is that of
-    these values and, besides, how uncertain they are (empirical Bayes, a step of the EM
-    algorithm): what pushes do not show stays as uncertain as before. Of a few bodies only the mean
-    counts.
-    """
-    count = count_episodes(parts)
-    found = fit(kind, parts, np.zeros((count, len(kind.names))), STEPS)
-    variances = np.diagonal(found.covariance, axis1=1, axis2=2)
-    places = found.places
-    return of_another_body(kind, places, variances), places - places.mean(axis=0)
-
-
-def of_another_body(kind: Kind, places: Places, variances: Places | float = 0.0) -> Kind:
-    """Return a kind with what vectors z of bodies, of such variances, show of another body."""
-    count, mean = len(places), places.mean(axis=0)
-    if count < FEW_BODIES:
-        return kind.believing(mean, kind.covariance)
-    scatter = np.hypot(places.std(axis=0, ddof=1), LEAST_SPREAD) ** 2
-    scatter += np.mean(np.broadcast_to(variances, places.shape), axis=0)
-    return kind.believing(mean, np.diag(scatter) * (1.0 + 1.0 / count))
 
 
 def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:
@@ -204,8 +177,8 @@ def _difference(pair: Sequence[Fit], column: int) -> tuple[float, float]:
 
 
 ENOUGH: Final = 250  # pushes of a body that its values are inferred from: more change nothing
-
-OfBodies = Mapping[str, Float[ndarray, "D"]]  # vectors z by the names of bodies on surfaces
+ANOTHER: Final = "another"  # a body or a surface of which nothing was pushed
+UNLIKE: Final = -2.0  # logarithm of the odds that a new body is like the textbook's, not like these
 
 
 def states_bodies(data: Dataset) -> bool:
@@ -222,8 +195,8 @@ def states_bodies(data: Dataset) -> bool:
     return all(named)
 
 
-def body_names(part: Part) -> ndarray:
-    """Return the name of the body on its surface of each push, (M,).
+def body_pairs(part: Part) -> list[Pair]:
+    """Return the body of each push, and what it stood on, (M,).
 
     Raises `DatasetError`: the data do not name bodies.
     """
@@ -232,59 +205,53 @@ def body_names(part: Part) -> ndarray:
             "the data set does not name the pushed bodies: it has no column object, or empty rows"
         )
     surface = np.full(len(part), "") if part.surface is None else part.surface
-    return on_surfaces(part.object, surface)
+    return list(map(Pair, part.object.tolist(), surface.tolist()))
 
 
-def on_surfaces(bodies: ndarray, surfaces: ndarray) -> ndarray:
-    """Return names of bodies (M,) with those of their surfaces (M,); empty: it is not stated."""
-    pairs = zip(bodies.tolist(), surfaces.tolist(), strict=True)
-    return np.array([f"{body} on {table}" if table else body for body, table in pairs])
+def body_names(part: Part) -> ndarray:
+    """Return the name of the body on its surface of each push, (M,); raises `DatasetError`."""
+    return np.array(list(map(str, body_pairs(part))))
 
 
-def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> tuple[list[str], list[ObservedPushes]]:
-    """Return the names of bodies, and up to so many pushes of each, evenly from all of them.
-
-    Episodes count the names.
-    """
-    each = [body_names(part) for part in data.parts]
-    names = np.unique(np.concatenate(each))
-    found = []
-    for part, own in zip(data.parts, each, strict=True):
-        body, chosen = np.searchsorted(names, own), np.zeros(len(part), bool)
-        for one in np.unique(body):
-            rows = np.flatnonzero(body == one)
+def pushes_of_bodies(data: Dataset, most: int = ENOUGH) -> dict[Pair, list[ObservedPushes]]:
+    """Return up to so many pushes of each body, evenly from all of them, in the order of names."""
+    found: dict[Pair, list[ObservedPushes]] = {}
+    for part in data.parts:
+        pairs = body_pairs(part)
+        for pair in sorted(set(pairs)):
+            rows = np.flatnonzero([other == pair for other in pairs])
             places = np.linspace(0, len(rows) - 1, min(most, len(rows)))
-            chosen[rows[places.round().astype(int)]] = True
-        found.append(replace(part.alone, episode=body).select(chosen))
-    return names.tolist(), found
+            pushes = part.alone.select(rows[places.round().astype(int)])
+            found.setdefault(pair, []).append(pushes)
+    return dict(sorted(found.items()))
 
 
-def infer_bodies(kind: Kind, data: Dataset, start: Places | None = None) -> OfBodies:
-    """Return the most likely vectors z of the bodies of a data set.
-
-    The search starts from vectors z of these bodies in the order of their names; None: from 0.
-    """
-    if not len(data):
-        return {}
-    names, pushes = pushes_of_bodies(data)
-    first = np.zeros((len(names), len(kind.names))) if start is None else start
-    found = fit(kind, pushes, first, STEPS)
-    return dict(zip(names, found.places, strict=True))
+def infer_bodies(kind: Kind, data: Dataset, most: int = ENOUGH) -> Population:
+    """Return what up to so many pushes of each body of a data set show."""
+    return Population.of(kind, pushes_of_bodies(data, most))
 
 
-def with_beliefs(data: Dataset, kind: Kind, bodies: OfBodies) -> Dataset:
-    """Return a data set that states what is believed of each body: for those unknown, the mean."""
+def another(population: Population) -> Kind:
+    """Return what is believed of a body that was not pushed: on the same surface, if it is one."""
+    surfaces = {pair.surface for pair in population.shown}
+    return population.kind_of(Pair(ANOTHER, surfaces.pop() if len(surfaces) == 1 else ANOTHER))
+
+
+def with_beliefs(data: Dataset, population: Population) -> Dataset:
+    """Return a data set that states what is believed of each body."""
     parts = (
-        replace(part, given=kind.values(believed_places(part, kind, bodies))) for part in data.parts
+        replace(part, given=population.kind.values(believed_places(part, population)))
+        for part in data.parts
     )
     return replace(data, parts=tuple(parts))
 
 
-def believed_places(part: Part, kind: Kind, bodies: OfBodies) -> Float[ndarray, "M D"]:
-    """Return the vector z of the body of each push: for those unknown, the mean."""
-    nothing = np.zeros(len(kind.names))
-    places = [bodies.get(name, nothing) for name in body_names(part)]
-    return np.array(places).reshape(len(part), len(kind.names))
+def believed_places(part: Part, population: Population) -> Float[ndarray, "M D"]:
+    """Return the vector z of the body of each push."""
+    pairs = body_pairs(part)
+    places = {pair: population.place(pair) for pair in set(pairs)}
+    nothing = np.empty((0, len(population.kind.names)))
+    return np.stack([places[pair] for pair in pairs]) if pairs else nothing
 
 
 def observed_pushes(data: Dataset, most: int = 0) -> list[ObservedPushes]:
@@ -317,19 +284,18 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
 def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
     """Return what up to so many pushes of named bodies on surfaces show of another body.
 
-    The card has the values of each of them.
+    It may be unlike them: the textbook's belief stays possible. The card has the values of each of
+    them.
     """
-    names, pushes = pushes_of_bodies(data, most)
-    over, start = over_bodies(surface_kind(), pushes)
-    kind = replace(over, corrected=True)
-    found = fit(kind, pushes, start, STEPS)
-    values = kind.values(found.places)
+    textbook = replace(surface_kind(), corrected=True)
+    population = infer_bodies(textbook, data, most)
+    pushes = sum(len(part) for some in pushes_of_bodies(data, most).values() for part in some)
     bodies = {
-        name: {one: float(value[row]) for one, value in values.items()}
-        for row, name in enumerate(names)
+        str(pair): {name: float(value[0]) for name, value in textbook.values(place[None]).items()}
+        for pair, (place, _, _) in population.shown.items()
     }
-    card = {"pushes": sum(map(len, pushes)), "episodes": len(bodies), "bodies": bodies}
-    return Belief((kind,), card=card)
+    kinds = another(population), replace(textbook, name=NO_AXES, log_odds=UNLIKE)
+    return Belief(kinds, card={"pushes": pushes, "episodes": len(bodies), "bodies": bodies})
 
 
 def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:

@@ -27,6 +27,7 @@ from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
+from sain_model.dynamics.memory import Memory
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -279,12 +280,14 @@ class SainDynamics(Model):
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, values: Values | None = None
     ) -> Scenes:
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
-        if self.network is None or not self.corrects:
-            return physics_next.copy()
-        ratio, believed = self._seen_now
-        weighed, believed = with_mass_ratio(scenes, ratio), believed | dict(values or {})
-        physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
-        return self.network.correct(physics)
+        after = physics_next.copy()
+        if self.network is not None and self.corrects:
+            ratio, believed = self._seen_now
+            weighed, believed = with_mass_ratio(scenes, ratio), believed | dict(values or {})
+            physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
+            after = self.network.correct(physics)
+        memory = self.now.memories[0]
+        return memory.correct(scenes, pushes, after, self.bodies) if memory else after
 
     def regions(
         self, scene: Scene, pushes: PushSequences, predicted: PredictedScenes
@@ -344,7 +347,24 @@ class SainDynamics(Model):
             rows = np.flatnonzero(corrected)
             odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
             corrected[rows] = self.belief.network_log_odds + odds > 0.0
-        return replace(posterior, corrected=corrected)
+        posterior = replace(posterior, corrected=corrected)
+        return replace(posterior, memories=self._memories(pushes, known, posterior))
+
+    def _memories(self, pushes: ObservedPushes, known: Known, posterior: Posterior) -> ndarray:
+        """Return what the pushes of each row show of the errors that are left, (R,).
+
+        Physics alone has no memories.
+        """
+        memories = posterior.memories.copy()
+        if self.network is None or not known.counts.any():
+            return memories
+        pairs, each = pushes.select(known.push), posterior.of_rows(known.row)
+        after = self.step_rows(pairs.state, pairs.action, each)[1]
+        ends = np.cumsum(known.counts)
+        for row, (count, end) in enumerate(zip(known.counts, ends, strict=True)):
+            some = slice(end - count, end)
+            memories[row] = Memory.of(pairs.select(some), after[some])
+        return memories
 
     def predict_rows(self, scenes: Scenes, pushes: Pushes, rows: Posterior) -> Prediction:
         """Predict push i with what row i says, and say how certain that is; not widened."""
@@ -369,6 +389,10 @@ class SainDynamics(Model):
             batch = scenes[chosen], pushes[chosen], physics_next[chosen]
             physics = self._as_seen(*batch, rows.of_rows(chosen))
             after[chosen] = self.network.correct(physics)
+        for memory in {id(one): one for one in rows.memories if one}.values():
+            mine = np.flatnonzero(rows.memories == memory)
+            batch = scenes[mine], pushes[mine], after[mine]
+            after[mine] = memory.correct(*batch, self.bodies)
         return physics_next, after
 
     def _correction_odds(

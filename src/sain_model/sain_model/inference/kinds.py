@@ -57,6 +57,7 @@ SOLVER_AXES: Final = "solver axes"
 FITTED: Final = "fitted"
 NO_AXES: Final = "textbook"
 TRAINED: Final = 3.0  # logarithm of the odds that the physics is of the kind that is trained on
+TEMPER: Final = 0.3  # of bodies on surfaces
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 OF_NEW: Final = -2.0  # likewise for a body that it did not learn from
 
@@ -86,6 +87,11 @@ class Kind:
         if bodies.lie_flat:
             return self.log_odds + self.flat_log_odds
         return -np.inf if self.only_flat else self.log_odds
+
+    @property
+    def temper(self) -> float:
+        """What one push counts: errors of one body's pushes have causes in common."""
+        return TEMPER if self.of_bodies else 1.0
 
     @property
     def identity(self) -> str:

@@ -36,7 +36,8 @@ DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
 LONGEST: Final = 1.5  # [spreads], of a step
 DAMPING: Final = np.array([0.0, 0.1, 1.0, 10.0, 100.0])  # of steps, shares of the diagonal
 ENOUGH: Final = 0.05  # a smaller gain of the logarithm of the posterior density is the last
-LEAST_FACTOR: Final = 1.0  # of the noise: many pushes fitted closely are worth less than all fitted
+# Of the noise: many pushes fitted closely are worth less than all fitted. Tempered ones may be.
+LEAST_FACTOR: Final = 1.0
 
 Parts = Sequence[ObservedPushes]
 
@@ -135,7 +136,7 @@ def fit(
     totals = _totals(kind, parts, places, together)
     damping, goes_on = np.zeros(len(totals), np.int64), np.ones(len(totals), dtype=bool)
     for _ in range(steps):
-        score, factor = _best(totals)
+        score, factor = _best(kind, totals)
         some = _of_episodes(parts, goes_on[problem])
         normal = normal_equations(kind, some, places, factor[problem])
         tried = goes_on
@@ -143,15 +144,15 @@ def fit(
             step = _step(normal, kind, places, together, DAMPING[damping])
             moved = places + tried[problem, None] * step
             now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
-            better = tried & (_best(now)[0] > score)
+            better = tried & (_best(kind, now)[0] > score)
             totals[better], places[better[problem]] = now[better], moved[better[problem]]
             tried = tried & ~better & (damping < len(DAMPING) - 1)
             damping[tried] += 1
             damping[better] = np.maximum(damping[better] - 1, 0)
-        goes_on = _best(totals)[0] > score + ENOUGH
+        goes_on = _best(kind, totals)[0] > score + ENOUGH
         if not goes_on.any():
             break
-    _, factor = _best(totals)
+    _, factor = _best(kind, totals)
     normal, rooms = normal_equations(kind, parts, places, factor[problem]), []
     for other in FACTORS:
         share = (factor / other)[problem, None, None] ** 2
@@ -172,6 +173,7 @@ def normal_equations(
         scale = part.scales(factor[part.episode, None])
         errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
         weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
+        weight = kind.temper * weight
         weighted = weight[..., None, None] * slopes
         np.add.at(information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
         np.add.at(pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
@@ -214,13 +216,15 @@ def _totals(kind: Kind, parts: Parts, places: ndarray, together: bool) -> Float[
     total = np.repeat(-0.5 * _sums(far, together)[:, None], len(FACTORS), axis=1)
     for part in parts:
         densities = log_density(errors_at(kind, part, places[part.episode]), part.scales(FACTORS))
-        np.add.at(total, part.episode * (not together), densities)
+        np.add.at(total, part.episode * (not together), kind.temper * densities)
     return total
 
 
-def _best(totals: Float[ndarray, "R K"]) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
+def _best(
+    kind: Kind, totals: Float[ndarray, "R K"]
+) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
     """Return the largest total of each problem among factors that count, and its factor."""
-    counts = FACTORS >= LEAST_FACTOR
+    counts = FACTORS >= LEAST_FACTOR * (kind.temper == 1.0)
     return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
 
 
@@ -288,12 +292,14 @@ class Posterior:
     places: Places  # vectors z of that kind; 0 beyond its own parameters
     spreads: Places  # standard deviations of z
     corrected: Bool[ndarray, "R"]  # whether the network corrects it
+    memories: ndarray  # (R,) of `sain_model.dynamics.memory.Memory`, or None: no errors are known
 
     @classmethod
     def at(cls, belief: Belief, kind: int, places: Places, corrected: Bool[ndarray, "R"]) -> Self:
         """Return rows with one kind of physics at vectors z (R, D)."""
         nothing = np.zeros(len(places), np.int64)
-        return cls(belief, nothing + kind, nothing > 0, places, np.zeros_like(places), corrected)
+        memories, spreads = np.full(len(places), None), np.zeros_like(places)
+        return cls(belief, nothing + kind, nothing > 0, places, spreads, corrected, memories)
 
     def of_rows(self, rows: Int[ndarray, "C"] | slice) -> Self:
         """Return some rows, any of them as often as its number is given."""
@@ -368,12 +374,13 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         steps = STEPS_OF_BODIES if kind.of_bodies else STEPS
         found = fit(kind, [observed], places[some, :count], steps)
         together = found.log_evidence + kind.log_odds_of(pushes.bodies)
-        better = together > log_evidence[some, best[some]]
+        better = (together > log_evidence[some, best[some]]) | kind.of_bodies
         inferred[some] = better
         places[some[better], :count] = found.places[better]
         deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
         spreads[some[better], :count] = deviations[better]
-    return Posterior(belief, best, inferred, places, spreads, inferred)
+    memories = np.full(known.rows, None)
+    return Posterior(belief, best, inferred, places, spreads, inferred, memories)
 
 
 def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:

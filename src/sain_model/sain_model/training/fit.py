@@ -133,8 +133,8 @@ def fit(
     Raises `CheckpointError`: the state in the folder is damaged or of other settings or data.
     """
     if kind.of_bodies:  # each has what the pushes to learn from show of it
-        parts, bodies = vars(split).values(), infer_bodies(kind, split.train)
-        split = Split(*(with_beliefs(part, kind, bodies) for part in parts))
+        bodies = infer_bodies(kind, split.train)
+        split = Split(*(with_beliefs(part, bodies) for part in vars(split).values()))
     network = new_network(config.network, config.seed)
     pushes = SinglePushes(split, kind, config)
     if start is not None:

@@ -13,7 +13,7 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Scalars
 from sain_model.data.dataset import Dataset, Part
-from sain_model.dynamics.identify import FEW_BODIES, body_names, states_bodies
+from sain_model.dynamics.identify import body_names, states_bodies
 from sain_model.dynamics.intervals import LEVEL, Intervals, Prediction, Region
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import predict_with_history
@@ -23,6 +23,7 @@ RESOLUTION: Final = 1e-6  # [m], differences below this do not count
 WINDOWS: Final = 7  # that the validation pushes are looked at in, in the order of their scores
 WINDOW_SHARE: Final = 1 / 3  # of the pushes in each of the overlapping windows
 FEW: Final = 60  # pushes below which there is one window
+FEW_BODIES: Final = 4  # fewer do not show how far bodies differ
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
