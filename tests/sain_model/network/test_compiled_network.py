@@ -4,6 +4,7 @@ import multiprocessing
 
 import numba
 
+from sain_core.model import Model
 from sain_core.push import LENGTH
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import PhysicsPrediction, ResidualNetwork, residual_model
@@ -28,7 +29,7 @@ def test_a_rollout_is_a_loop_to_the_bit_on_any_number_of_threads():
         alone = sain.step(scenes[index : index + 1], pushes[index : index + 1])
         assert alone[0].tobytes() == together[index].tobytes()
     sequences = pushes.reshape(300, 4, 5)
-    stepwise = sain.rollout(scenes[0], sequences)
+    stepwise = Model.rollout(sain, scenes[0], sequences)
     before = numba.get_num_threads()
     try:
         for threads in range(1, numba.config.NUMBA_NUM_THREADS + 1):

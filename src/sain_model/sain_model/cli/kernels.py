@@ -27,10 +27,12 @@ STROKES: Final = as_strokes(SCENES, PUSHES, PushLimits())
 
 
 def run_pushes() -> None:
-    """Run what pushes bodies."""
+    """Run what pushes bodies, then what rolls out: by then the other chain has its network."""
+    from sain_model.dynamics.priors import load_planar
     from sain_model.physics.planar import PlanarPrior
 
     PlanarPrior().step(SCENES, STROKES)
+    load_planar().rollout(SCENES[0], PUSHES[:, None])
 
 
 def run_network() -> None:

@@ -200,6 +200,9 @@ class NetworkWork(NamedTuple):
     patch: np.ndarray  # (6,) of one contact
     bodies: np.ndarray  # (N, inputs of f_dyn, LANES) float32
     relations: np.ndarray  # (N N, inputs of f_rel, LANES) float32
+    packed: np.ndarray  # (inputs of f_rel, LANES) float32, relations of bodies that are near
+    packed_from: np.ndarray  # (LANES, 2) int64, number and lane of a packed relation
+    messages: np.ndarray  # (M, N, message, LANES) float32, sums of what bodies are told
     hidden: np.ndarray  # (2, widest layer, LANES) float32
     residual: np.ndarray  # (N, 3, LANES) dx, dy [m] in the push frame, dtheta [rad]
 
@@ -306,6 +309,7 @@ def _copy(source, first, count, lane, relation, at):
 
 
 # A change of meaning, order or scale below needs another `sain_core.provenance.FORMAT`.
+VECTORS_FROM = 3  # columns of what is believed of a body, before its vectors
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
 
@@ -322,7 +326,7 @@ def wrap(angle):
 
 
 @compiled_with_arrays
-def make_work(bodies, corners, relation_inputs, body_inputs, widest):
+def make_work(bodies, corners, relation_inputs, body_inputs, widest, members, message):
     """Return scratch memory for so many bodies and corners; inputs that pad a layer stay zero."""
     return NetworkWork(
         np.zeros((2, bodies + 1, POSE_SIZE)),
@@ -331,17 +335,20 @@ def make_work(bodies, corners, relation_inputs, body_inputs, widest):
         np.empty(PATCH_SIZE),
         np.zeros((bodies, body_inputs, LANES), np.float32),
         np.zeros((bodies * bodies, relation_inputs, LANES), np.float32),
+        np.zeros((relation_inputs, LANES), np.float32),
+        np.empty((LANES, 2), np.int64),
+        np.empty((members, bodies, message, LANES), np.float32),
         np.empty((2, widest, LANES), np.float32),
         np.zeros((bodies, 3, LANES)),
     )
 
 
 @compiled_apart
-def write_lane(before, stroke, after, table, lane, places, work):
+def write_lane(before, stroke, after, believed, table, lane, places, work):
     """Write the features of one push into its lane.
 
-    The push is a stroke in its own frame, as `push_frames` makes it. `places`: whether the network
-    sees places and headings.
+    The push is a stroke in its own frame, as `push_frames` makes it. `believed` (N, P) is what the
+    network sees of what is believed of the physics; `places`: whether it sees places and headings.
     """
     count, pushed = before.shape[0], int(stroke[BODY])
     origin_x, origin_y = before[pushed, X], before[pushed, Y]
@@ -356,6 +363,8 @@ def write_lane(before, stroke, after, table, lane, places, work):
         _write_body(before[body], stroke, after[body], table, body, poses, lane, work.bodies[body])
         if places:
             _write_world(before[body], stroke, after[body], lane, work.bodies[body])
+        first, pose = BODY_FEATURES + PLACE_FEATURES * places, poses[0, body]
+        _write_believed(believed[body], stroke, pose, first, lane, work.bodies[body])
     sums, patch = work.sums, work.patch
     for body in range(count):
         for other in range(body + 1, count + 1):
@@ -455,14 +464,35 @@ def _write_world(before, stroke, after, lane, features):
     features[first + 9, lane] = np.sin(before[THETA] - normal)
 
 
+@compiled
+def _write_believed(believed, stroke, pose, first, lane, features):
+    """Write what is believed of a body's physics: numbers, then vectors in the push frame.
+
+    Those are the body's centre of mass and the grain of its friction, the table's grain, and the
+    offset of the tool's tip. Grains turn twice as the frame turns once.
+    """
+    for column in range(min(VECTORS_FROM, believed.shape[0])):
+        features[first + column, lane] = believed[column]
+    for column in range(VECTORS_FROM, believed.shape[0], 2):
+        vector, cos, sin = (column - VECTORS_FROM) // 2, pose[POSE_COS], pose[POSE_SIN]
+        if vector > 1:  # of the table
+            cos, sin = np.cos(stroke[LOCATION]), -np.sin(stroke[LOCATION])
+        if vector == 1 or vector == 2:
+            cos, sin = cos * cos - sin * sin, 2.0 * cos * sin
+        x, y = believed[column], believed[column + 1]
+        features[first + column, lane] = cos * x - sin * y
+        features[first + column + 1, lane] = sin * x + cos * y
+
+
 @callable_kernel
-def write_block(first, scenes, strokes, physics_next, table, places, bodies, relations):
+def write_block(first, scenes, strokes, physics_next, believed, table, places, bodies, relations):
     """Write features (B, N, D) and (B, N N, R) of up to `LANES` pushes from number `first` on."""
     corners = table.corners.shape[0]
-    work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], LANES)
+    work = make_work(scenes.shape[1], corners, relations.shape[2], bodies.shape[2], LANES, 0, 0)
     for index in range(first, min(first + LANES, scenes.shape[0])):
-        lane = index - first
-        write_lane(scenes[index], strokes[index], physics_next[index], table, lane, places, work)
+        lane, row = index - first, min(index, believed.shape[0] - 1)
+        given = scenes[index], strokes[index], physics_next[index], believed[row]
+        write_lane(*given, table, lane, places, work)
         for body in range(bodies.shape[1]):
             for column in range(bodies.shape[2]):
                 bodies[index, body, column] = work.bodies[body, column, lane]

@@ -35,6 +35,7 @@ from sain_model.network.feature_kernels import (
     MIRRORED_BODY,
     PLACE_FEATURES,
     RELATION_FEATURES,
+    VECTORS_FROM,
     OutlineTable,
     write_block,
 )
@@ -45,51 +46,33 @@ from sain_model.physics.planar import body_table, first_touch
 FACTORS: Final = {"tool_friction": 0.2, "torsion": 1.0}  # by name, where their logarithm is 0
 LEAST: Final = 0.05  # share of that: a friction may be 0, and has no logarithm there
 NUMBERS: Final = ("pressure",)
-OF_BODY, OF_TABLE = 1.0, 0.0  # what turns with the body, and what with the world
-VECTORS: Final = (  # x and y, in whose frame, and how often they turn when the frame turns once
-    ("centre_x", "centre_y", OF_BODY, 1.0),
-    ("grain_x", "grain_y", OF_BODY, 2.0),
-    ("table_grain_x", "table_grain_y", OF_TABLE, 2.0),
-    ("tip_x", "tip_y", OF_TABLE, 1.0),
-)
+VECTORS: Final = (  # x and y of each, in the order in which the kernels turn them
+    "centre_x", "centre_y", "grain_x", "grain_y", "table_grain_x", "table_grain_y", "tip_x", "tip_y"
+)  # fmt: skip
 SCALES: Final = {"pressure": 1.0}  # by name; else the spread of the parameter
-BELIEVED_FEATURES: Final = len(FACTORS) + len(NUMBERS) + 2 * len(VECTORS)
-MIRRORED_BELIEVED: Final = tuple(  # columns that change their sign in a mirror
-    len(FACTORS) + len(NUMBERS) + 2 * number + 1 for number in range(len(VECTORS))
-)
+BELIEVED_FEATURES: Final = len(FACTORS) + len(NUMBERS) + len(VECTORS)
+# Columns that change their sign in a mirror.
+MIRRORED_BELIEVED: Final = tuple(range(VECTORS_FROM + 1, BELIEVED_FEATURES, 2))
 
 
-def network_beliefs(
-    config: NetworkConfig, scenes: Scenes, frames: Float[ndarray, "B S"], values: Values
-) -> Float[ndarray, "B N P"]:
+def network_beliefs(config: NetworkConfig, values: Values, bodies: int) -> Float[ndarray, "R N P"]:
     """Return what a network sees of what is believed of each body's physics, of order one.
 
-    That is nothing, unless it was made to see it. `frames` are those of the pushes, as
-    `push_frames` makes them; values (B,) or (B, N) that are missing are 0 here.
+    That is nothing, unless it was made to see it. Values (R,) or (R, N) that are missing are 0
+    here. The kernels turn vectors into the push frame.
     """
     if not config.believed:
-        return np.empty((*scenes.shape[:2], 0))
-    columns = [
-        np.log(_value(scenes, values, name, middle) / middle) / _scale(name)
-        for name, middle in FACTORS.items()
-    ]
-    columns += [_value(scenes, values, name, 0.0) / _scale(name) for name in NUMBERS]
-    for name_x, name_y, of_body, times in VECTORS:
-        x, y = (_value(scenes, values, name, 0.0) / _scale(name) for name in (name_x, name_y))
-        angle = times * (of_body * scenes[..., THETA] - frames[:, LOCATION, None])
-        cos, sin = np.cos(angle), np.sin(angle)
-        columns += [cos * x - sin * y, sin * x + cos * y]
-    return np.stack(columns, axis=-1)
-
-
-def _value(scenes: Scenes, values: Values, name: str, default: float) -> Float[ndarray, "B N"]:
-    value = values.get(name, np.asarray(default))
-    value = np.broadcast_to(value[:, None] if value.ndim == 1 else value, scenes.shape[:2])
-    return np.maximum(value, LEAST * default) if name in FACTORS else value
-
-
-def _scale(name: str) -> float:
-    return SCALES.get(name, BY_NAME[name].spread)
+        return np.empty((1, bodies, 0))
+    columns: list[ndarray] = []
+    for name in (*FACTORS, *NUMBERS, *VECTORS):
+        middle = FACTORS.get(name, 0.0)
+        value = values.get(name, np.full(1, middle))
+        value = value[:, None] if value.ndim == 1 else value
+        if name in FACTORS:
+            value = np.log(np.maximum(value, LEAST * middle) / middle)
+        columns.append(value / SCALES.get(name, BY_NAME[name].spread))
+    rows = max(map(len, columns))
+    return np.stack([np.broadcast_to(some, (rows, bodies)) for some in columns], axis=-1)
 
 
 Strokes = Float[ndarray, "B S"]
@@ -189,19 +172,19 @@ def network_inputs(
     `physics_next` is the prior's prediction, `values` are what is believed of the physics.
     """
     batch, count, _ = scenes.shape
-    believed = network_beliefs(config, scenes, frames, values or {})
+    believed = network_beliefs(config, values or {}, count)
     places = config.features == WORLD_FRAME
     table = outline_table(bodies.fitted(count))
     of_body, of_relation = count_features(config)
-    features = np.zeros((batch, count, of_body - believed.shape[-1]), np.float32)
+    features = np.zeros((batch, count, of_body), np.float32)
     relations = np.zeros((batch, count * count, of_relation), np.float32)
-    rows = plain(scenes), plain(frames), plain(physics_next)
+    rows = plain(scenes), plain(frames), plain(physics_next), plain(believed)
 
     def work(first: int) -> None:
         write_block(first, *rows, table, places, features, relations)
 
     run_blocks(work, batch, LANES)
-    return Features(np.concatenate([features, believed.astype(np.float32)], axis=-1), relations)
+    return Features(features, relations)
 
 
 def true_residual(next_scenes: Scenes, frames: Strokes, physics_next: Scenes) -> Residual:

@@ -10,9 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sain_core.push import LENGTH, LOCATION
-from sain_core.scene import THETA, X, Y
-from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
+from sain_core.push import BODY, LENGTH, LOCATION, START_X, START_Y
+from sain_core.scene import MASS, THETA, X, Y
+from sain_model.compute.compiling import (
+    callable_kernel,
+    compiled,
+    compiled_apart,
+    compiled_with_arrays,
+)
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
@@ -21,6 +26,8 @@ from sain_model.network.feature_kernels import (
     wrap,
     write_lane,
 )
+from sain_model.physics.body_kernels import make_workspace
+from sain_model.physics.push_kernels import push_bodies
 
 TILE = 4  # inputs x outputs that one pass of a dense layer takes; widths are padded to it
 OUTPUTS = 3  # dx, dy, dtheta
@@ -121,36 +128,61 @@ def perceptron(weights, widths, x, hidden):
 
 
 @compiled
-def sum_messages(weights, member, body, work):
-    """Add up the messages of the others to a body, into its inputs of f_dyn."""
-    bodies, relations = work.bodies, work.relations
-    others, first = relations.shape[0] // bodies.shape[0], weights.body_features
-    for row in range(first, first + weights.message):
-        for lane in range(LANES):
-            bodies[body, row, lane] = 0.0
-    for other in range(others):
-        pair = relations[body * others + other]
-        which = perceptron(weights.relation[member], weights.relation_widths, pair, work.hidden)
-        told = work.hidden[which]
-        # Disks far apart send no messages, so that more of them change nothing either.
-        for row in range(weights.message):
-            for lane in range(LANES):
-                near = ONE - min(pair[GAP_BEFORE, lane], pair[GAP_AFTER, lane])
-                bodies[body, first + row, lane] += told[row, lane] * near
+def sum_messages(weights, work, lanes):
+    """Add up the messages of the others to each body.
+
+    Disks far apart send no messages, so that more of them change nothing either. All others are
+    packed, so that no lane is idle.
+    """
+    relations, count = work.relations, 0
+    for member in range(work.messages.shape[0]):
+        for body in range(work.messages.shape[1]):
+            for row in range(weights.message):
+                for lane in range(LANES):
+                    work.messages[member, body, row, lane] = 0.0
+    for number in range(relations.shape[0]):
+        pair = relations[number]
+        for lane in range(lanes):
+            if min(pair[GAP_BEFORE, lane], pair[GAP_AFTER, lane]) != ONE:
+                for row in range(pair.shape[0]):
+                    work.packed[row, count] = pair[row, lane]
+                work.packed_from[count, 0], work.packed_from[count, 1] = number, lane
+                count += 1
+                if count == LANES:
+                    _send(weights, work, count)
+                    count = 0
+    _send(weights, work, count)
 
 
 @compiled_apart
-def forward(weights, work):
-    """Compute the residuals of the features in `work`, the mean over the members."""
-    members, residual = weights.relation.shape[0], work.residual
+def _send(weights, work, count):
+    """Add the messages of so many packed relations to those of their bodies."""
+    packed, others = work.packed, work.bodies.shape[0]
+    for member in range(weights.relation.shape[0]):
+        which = perceptron(weights.relation[member], weights.relation_widths, packed, work.hidden)
+        told, messages = work.hidden[which], work.messages[member]
+        for column in range(count):
+            body, lane = work.packed_from[column, 0] // others, work.packed_from[column, 1]
+            near = ONE - min(packed[GAP_BEFORE, column], packed[GAP_AFTER, column])
+            for row in range(weights.message):
+                messages[body, row, lane] += told[row, column] * near
+
+
+@compiled_apart
+def forward(weights, work, lanes):
+    """Compute the residuals, the mean over the members, of the features in so many lanes."""
+    members, residual, first = weights.relation.shape[0], work.residual, weights.body_features
+    sum_messages(weights, work, lanes)
     for body in range(residual.shape[0]):
         for output in range(OUTPUTS):
             for lane in range(LANES):
                 residual[body, output, lane] = 0.0
     for member in range(members):
         for body in range(work.bodies.shape[0]):
-            sum_messages(weights, member, body, work)
             inputs = work.bodies[body]
+            for row in range(weights.message):
+                for lane in range(LANES):
+                    inputs[first + row, lane] = work.messages[member, body, row, lane]
             which = perceptron(
                 weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden
             )
@@ -159,6 +191,14 @@ def forward(weights, work):
                 scale = weights.unit[output] / members
                 for lane in range(LANES):
                     residual[body, output, lane] += told[output, lane] * scale
+
+
+@compiled_with_arrays
+def _work_of(weights, bodies, table):
+    """Return scratch memory for scenes of so many bodies."""
+    inputs = weights.relation_widths[0], weights.dynamics_widths[0]
+    members, message = weights.relation.shape[0], weights.message
+    return make_work(bodies, table.corners.shape[0], *inputs, weights.widest, members, message)
 
 
 @compiled
@@ -176,22 +216,71 @@ def apply(push, residual, lane, scene):
 def correct_block(first, scenes, strokes, physics_next, believed, table, places, weights):
     """Correct up to `LANES` predictions (B, N, 8) in place, from the one numbered `first` on.
 
-    `believed` (B, N, P) is what the network sees of what is believed of the physics; `places`:
-    whether it sees places and headings.
+    `believed` (B, N, P), or (1, N, P) for all, is what the network sees of what is believed of the
+    physics; `places`: whether it sees places and headings.
     """
-    relation_inputs, body_inputs = weights.relation_widths[0], weights.dynamics_widths[0]
-    corners = table.corners.shape[0]
-    work = make_work(scenes.shape[1], corners, relation_inputs, body_inputs, weights.widest)
+    work = _work_of(weights, scenes.shape[1], table)
     last = min(first + LANES, scenes.shape[0])
     for index in range(first, last):
-        lane = index - first
-        after = physics_next[index]
-        write_lane(scenes[index], strokes[index], after, table, lane, places, work)
-        for body in range(believed.shape[1]):
-            for column in range(believed.shape[2]):
-                row = weights.body_features - believed.shape[2] + column
-                work.bodies[body, row, lane] = believed[index, body, column]
-    forward(weights, work)
+        row = min(index, believed.shape[0] - 1)
+        given = scenes[index], strokes[index], physics_next[index], believed[row]
+        write_lane(*given, table, index - first, places, work)
+    forward(weights, work, last - first)
     for index in range(first, last):
         if strokes[index, LENGTH] != 0.0:
             apply(strokes[index], work.residual, index - first, physics_next[index])
+
+
+@callable_kernel
+def roll_out_block(
+    first, last, scene, masses, ways, strokes, predicted, believed, numbers, table, places, weights
+):
+    """Predict sequences of pushes against disks, from the one numbered `first` to before `last`.
+
+    Physics and network take turns, push by push, with no Python in between. There are at most
+    `LANES` sequences.
+
+    Args:
+        first: number of the first one.
+        last: number of the one behind the last one; there may be fewer.
+        scene: that they begin from (N, 8).
+        masses: as the network sees them (N,).
+        ways: of the tool (K, H, 5), as `push_bodies_block` takes them, about the pushed disk.
+        strokes: as `write_lane` takes them (K, H, 8), about the pushed disk.
+        predicted: the scene after each push (K, H, N, 8), written here.
+        believed: see `correct_block`; (1, N, P).
+        numbers: what `PlanarPrior.prepare` returns of bodies and pushes.
+        table: outlines of the bodies.
+        places: see `correct_block`.
+        weights: of the network; without members physics alone predicts.
+    """
+    bodies, physics, own = numbers
+    count, corrects = scene.shape[0], weights.relation.shape[0] > 0
+    physics_work, work = make_workspace(bodies), _work_of(weights, count, table)
+    before, way, stroke = np.empty_like(scene), np.empty(ways.shape[2]), np.empty(strokes.shape[2])
+    moving = np.empty(LANES, np.int64)
+    for step in range(predicted.shape[1]):
+        lanes = 0
+        for index in range(first, min(last, predicted.shape[0])):
+            after = predicted[index, step]
+            before[:] = predicted[index, step - 1] if step > 0 else scene
+            after[:] = before
+            if strokes[index, step, LENGTH] == 0.0:
+                continue
+            way[:], stroke[:] = ways[index, step], strokes[index, step]
+            pushed = int(stroke[BODY])
+            x, y = before[pushed, X], before[pushed, Y]
+            way[0], way[1] = x + way[0], y + way[1]
+            stroke[START_X], stroke[START_Y] = x + stroke[START_X], y + stroke[START_Y]
+            if way[3] > 0.0:
+                push_bodies(after, pushed, way, bodies, physics[0], own[0], physics_work)
+            if corrects:
+                before[:, MASS] = masses
+                write_lane(before, stroke, after, believed[0], table, lanes, places, work)
+            moving[lanes] = index
+            lanes += 1
+        if corrects:
+            forward(weights, work, lanes)
+            for lane in range(lanes):
+                index = moving[lane]
+                apply(strokes[index, step], work.residual, lane, predicted[index, step])

@@ -90,6 +90,7 @@ KEPT: Final = _record("along across pressed", integers="key pair")  # of a conta
 class Workspace(NamedTuple):
     """Scratch memory of one push of N bodies with M corners and F supports in all."""
 
+    order: np.ndarray  # (N,) int64, the body of each other row
     bodies: np.ndarray  # (N + 1,) BODY; row 0 is the tool
     first_corner: np.ndarray  # (N + 2,) int64
     corners: np.ndarray  # (M + 1,) CORNER
@@ -106,6 +107,7 @@ def make_workspace(table):
     rows = table.rounding.shape[0] + 1
     contacts = rows * (rows - 1) // 2 * MOST_CONTACTS + 1
     return Workspace(
+        np.zeros(rows - 1, np.int64),
         np.zeros(rows, BODY),
         np.zeros(rows + 1, np.int64),
         np.zeros(table.corners.shape[0] + 1, CORNER),
@@ -118,13 +120,36 @@ def make_workspace(table):
 
 
 @compiled
-def load_bodies(states, order, table, start_x, start_y, physics, own, work):
-    """Fill the scratch memory from a scene (N, 8), taken as at rest.
+def order_bodies(states, pushed, order):
+    """Order the bodies (N,) by their distance from the pushed one, which is the first.
 
-    The tool's axis starts at (start_x, start_y) [m]; `order` (N,) has the body of each other row.
+    The solver visits contacts one after another, which would let the numbering leak into the
+    last digits. The order keeps it out.
     """
-    bodies = work.bodies
+    for body in range(states.shape[0]):
+        place, apart = body, _apart(states, pushed, body)
+        while place > 0 and apart < _apart(states, pushed, order[place - 1]):
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = body
+
+
+@compiled
+def _apart(states, pushed, body):
+    x = states[body, STATE_X] - states[pushed, STATE_X]
+    y = states[body, STATE_Y] - states[pushed, STATE_Y]
+    return -1.0 if body == pushed else x * x + y * y
+
+
+@compiled
+def load_bodies(states, table, start_x, start_y, physics, own, work):
+    """Fill the scratch memory from a scene (N, 8), taken as at rest; bodies are ordered.
+
+    The tool's axis starts at (start_x, start_y) [m].
+    """
+    bodies, order = work.bodies, work.order
     bodies[TOOL].x, bodies[TOOL].y = start_x, start_y
+    bodies[TOOL].start_x, bodies[TOOL].start_y = start_x, start_y
     bodies[TOOL].cos = 1.0
     bodies[TOOL].round = bodies[TOOL].reach = physics.tool_radius
     work.first_corner[1] = 1
@@ -290,10 +315,10 @@ def forget_steps(work):
 
 
 @compiled
-def unload_bodies(states, order, work):
+def unload_bodies(states, work):
     """Write the bodies, at rest, back to the scene."""
     for index in range(states.shape[0]):
-        body, state = work.bodies[index + 1], states[order[index]]
+        body, state = work.bodies[index + 1], states[work.order[index]]
         _unload_place(body, state)
         if body.turned != 0.0:
             heading = state[STATE_THETA] + body.turned

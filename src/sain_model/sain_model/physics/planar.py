@@ -27,7 +27,7 @@ from sain_core.push import (
     strokes,
     tip_radii,
 )
-from sain_core.scene import MASS, OVERLAP_TOLERANCE, POSITION
+from sain_core.scene import MASS, OVERLAP_TOLERANCE
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.shapes.solids import flat_bottom
@@ -81,14 +81,12 @@ def push_bodies(
 ) -> Scenes:
     """Simulate pushes: return the settled scenes.
 
-    `ways` are as `tool_ways` makes them, `physics` (B,) and `own` (B, N) as `rows_of` does.
+    `ways` are as `tool_ways` makes them, `physics` (R,) and `own` (R, N) as `rows_of` does.
     """
-    order, after = nearest_first(scenes, pushed), plain(scenes.copy())
-    size = even_blocks(len(scenes), CHUNK)
+    after, size = plain(scenes.copy()), even_blocks(len(scenes), CHUNK)
 
     def work(first: int) -> None:
-        rows = slice(first, first + size)
-        push_bodies_block(0, after[rows], order[rows], ways[rows], table, physics[rows], own[rows])
+        push_bodies_block(first, first + size, after, pushed, ways, table, physics, own)
 
     run_blocks(work, len(scenes), size)
     return after
@@ -97,11 +95,12 @@ def push_bodies(
 def tool_ways(
     scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies, physics: ndarray
 ) -> Ways:
-    """Return the ways of the tool, with the offsets of `physics` (B,), the numbers of the pushes.
+    """Return the ways of the tool, with the offsets of `physics` (R,), the numbers of the pushes.
 
-    An offset is a mean, and harmonics of the heading in the world: a robot is not equally exact in
-    all directions. That of the location keeps the heading, and a stroke's start, which it states. A
-    push of no length stays one, and none becomes shorter than that.
+    That of the tip is left to the kernel. Any other is a mean, and harmonics of the heading in the
+    world: a robot is not equally exact in all directions. That of the location keeps the heading,
+    and a stroke's start, which it states. A push of no length stays one, and none becomes shorter
+    than that.
     """
     start, heading = strokes(scenes, pushes, limits, bodies)
     further, left, around = (
@@ -114,7 +113,6 @@ def tool_ways(
         moved = pushes.copy()
         moved[:, LOCATION] += around
         start, _ = strokes(scenes, moved, limits, bodies)
-    start = start + np.column_stack([physics["tip_x"], physics["tip_y"]])
     speed = pushes[:, SPEED] * physics["speed_factor"]
     return np.column_stack([start, heading + left, length, speed])
 
@@ -127,18 +125,6 @@ def _offset(physics: ndarray, name: str, heading: Angles) -> Float[ndarray, "B"]
         if height.any():
             total = total + height * WAVES[wave](order * heading)
     return total
-
-
-def nearest_first(scenes: Scenes, pushed: Indices) -> Int[ndarray, "B N"]:
-    """Return the bodies by their distance from the pushed one, which is the first.
-
-    The solver visits contacts one after another, which would let the numbering leak into the
-    last digits. The order keeps it out.
-    """
-    middle = np.take_along_axis(scenes, pushed[:, None, None], axis=1)[..., POSITION]
-    apart = ((scenes[..., POSITION] - middle) ** 2).sum(axis=-1)
-    np.put_along_axis(apart, pushed[:, None], -1.0, axis=1)
-    return np.argsort(apart, axis=1, kind="stable")
 
 
 @lru_cache(maxsize=4096)  # a data set may have a thousand combinations of shapes
@@ -258,22 +244,31 @@ class PlanarPrior(Model):
         stroke that begins inside a body; `OutOfRangeError`: a push that no model may be asked
         about.
         """
-        check_batch(scenes, pushes, self.bodies)
-        values = values or {}
-        batch, count, _ = scenes.shape
-        check_values(values, batch, count)
-        config, bodies = self.config, self.bodies.fitted(count)
-        physics, own = rows_of(config, values, batch, count)
-        if is_stroke(pushes):
-            check_starts(scenes, pushes, bodies)
-        limits = _limits(config.tool_radius, config.clearance)
-        physics["tool_radius"] = tip_radii(pushes, limits)
-        ways = tool_ways(scenes, pushes, limits, bodies, physics)
-        after = push_bodies(scenes, ways, pushed_bodies(pushes), body_table(bodies), physics, own)
+        ways, table, physics, own = self.prepare(scenes, pushes, values or {})
+        after = push_bodies(scenes, ways, pushed_bodies(pushes), table, physics, own)
         idle = pushes[:, LENGTH] == 0.0
         after[idle] = scenes[idle]
         after[..., MASS:] = scenes[..., MASS:]
         return after
+
+    def prepare(
+        self, scenes: Scenes, pushes: Pushes, values: Values
+    ) -> tuple[Ways, BodyTable, ndarray, ndarray]:
+        """Check what is to be predicted, see `step`; return what the solver reads.
+
+        That are the ways of the tool, the bodies, and numbers of each push, or of one for all.
+        """
+        check_batch(scenes, pushes, self.bodies)
+        batch, count, _ = scenes.shape
+        check_values(values, batch, count)
+        config, bodies = self.config, self.bodies.fitted(count)
+        each = bool(values) or is_stroke(pushes)
+        physics, own = rows_of(config, values, batch if each else 1, count)
+        limits = _limits(config.tool_radius, config.clearance)
+        if is_stroke(pushes):
+            check_starts(scenes, pushes, bodies)
+            physics["tool_radius"] = tip_radii(pushes, limits)
+        return tool_ways(scenes, pushes, limits, bodies, physics), body_table(bodies), physics, own
 
 
 @lru_cache

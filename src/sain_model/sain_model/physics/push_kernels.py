@@ -15,6 +15,7 @@ from sain_model.physics.body_kernels import (
     keep_impulses,
     load_bodies,
     make_workspace,
+    order_bodies,
     outer_speed,
     recall_impulses,
     unload_bodies,
@@ -237,7 +238,7 @@ def creep(push, distance, physics, work):
         bodies[row].creep_spin = 0.0
     tool.vx, tool.vy = speed * way_x, speed * way_y
     while distance < length:
-        tool.x, tool.y = push[0] + distance * way_x, push[1] + distance * way_y
+        tool.x, tool.y = tool.start_x + distance * way_x, tool.start_y + distance * way_y
         rest = (length - distance) / speed
         keep_impulses(work)
         find_touching(work, min(longest, rest))
@@ -266,9 +267,11 @@ def creep(push, distance, physics, work):
 
 
 @compiled_apart
-def push_bodies(states, order, push, table, physics, own, work):
+def push_bodies(states, pushed, push, table, physics, own, work):
     """Carry out one push in place; arguments are rows of those of `push_bodies_block`."""
-    load_bodies(states, order, table, push[0], push[1], physics, own, work)
+    order_bodies(states, pushed, work.order)
+    start_x, start_y = push[0] + physics.tip_x, push[1] + physics.tip_y
+    load_bodies(states, table, start_x, start_y, physics, own, work)
     tool = work.bodies[TOOL]
     way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     distance = first_touch_of(work, way_x, way_y)
@@ -276,13 +279,13 @@ def push_bodies(states, order, push, table, physics, own, work):
         return
     if creeps(work.bodies, fastest_tool, physics):
         creep(push, distance, physics, work)
-        unload_bodies(states, order, work)
+        unload_bodies(states, work)
         return
     profile = make_profile(length, fastest_tool, physics.acceleration)
     time = time_of(profile, distance)
     for _ in range(MOST_STEPS + int(STEPS_OF_PUSH * profile.end / physics.longest_step)):
         speed = tool_speed(profile, time)
-        tool.x, tool.y = push[0] + distance * way_x, push[1] + distance * way_y
+        tool.x, tool.y = tool.start_x + distance * way_x, tool.start_y + distance * way_y
         tool.vx, tool.vy = speed * way_x, speed * way_y
         step = plan_step(work, fastest_tool, physics, until_kink(profile, time))
         prepare_impulses(work, step, physics)
@@ -292,25 +295,27 @@ def push_bodies(states, order, push, table, physics, own, work):
         fastest = advance(work, fastest_tool, physics, step)
         if fastest == 0.0 and time >= profile.end - 1e-9:
             break
-    unload_bodies(states, order, work)
+    unload_bodies(states, work)
 
 
 @callable_kernel
-def push_bodies_block(first, scenes, order, pushes, table, physics, own):
-    """Carry out up to `CHUNK` pushes, from the one numbered `first` on, in place.
+def push_bodies_block(first, last, scenes, pushed, pushes, table, physics, own):
+    """Carry out pushes in place, from the one numbered `first` to before `last`.
 
     Args:
         first: number of the first one.
+        last: number of the one behind the last one; there may be fewer.
         scenes: (B, N, 8), changed to what they become.
-        order: (B, N), bodies by row.
-        pushes: where the tool's axis starts [m], its heading [rad], its way [m], and its highest
-            speed [m/s], (B, 5).
+        pushed: (B,), bodies.
+        pushes: where the tool's axis starts [m], but for the offset of its tip, its heading [rad],
+            its way [m], and its highest speed [m/s], (B, 5).
         table: of the bodies.
-        physics: `PUSH_ROW` of `physics.parameters`, (B,).
-        own: `BODY_ROW`, (B, N).
+        physics: `PUSH_ROW` of `physics.parameters`, (B,), or (1,) for all.
+        own: `BODY_ROW`, (B, N) or (1, N).
     """
     work = make_workspace(table)
-    for index in range(first, min(first + CHUNK, scenes.shape[0])):
+    for index in range(first, min(last, scenes.shape[0])):
         if pushes[index, 3] > 0.0:
-            given = physics[index], own[index]
-            push_bodies(scenes[index], order[index], pushes[index], table, *given, work)
+            row = min(index, physics.shape[0] - 1)
+            given = pushes[index], table, physics[row], own[row], work
+            push_bodies(scenes[index], pushed[index], *given)
