@@ -54,6 +54,12 @@ class ObservedPushes(Transitions):
         return {name: values[rows] for name, values in (self.given or {}).items()}
 
     @property
+    def seen(self) -> list[ndarray]:
+        """All that inference depends on but the bodies."""
+        noise = self.state[:, :0] if self.noise is None else self.noise
+        return [self.state, self.action, self.next_state, noise, *(self.given or {}).values()]
+
+    @property
     def alone(self) -> "ObservedPushes":
         """The same pushes without what a data set states besides."""
         return ObservedPushes(
@@ -207,9 +213,7 @@ def curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
     Those of a few pushes are kept for the next history, which has one push more.
     """
     if len(pushes) <= FEW and pushes.given is None:
-        noise = pushes.state[:, :0] if pushes.noise is None else pushes.noise
-        columns = pushes.state, pushes.action, pushes.next_state, noise
-        rows = [[part[index].tobytes() for part in columns] for index in range(len(pushes))]
+        rows = [[column[index].tobytes() for column in pushes.seen] for index in range(len(pushes))]
         kept = [_place_of(kind, pushes.bodies, *row) for row in rows]
         if new := [index for index, place in enumerate(kept) if not place]:
             fresh = _curves_of(kind, pushes.select(np.array(new)))

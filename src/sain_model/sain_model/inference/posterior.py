@@ -3,13 +3,15 @@
 Of each kind of physics, the parameters that have a grid are inferred on it, the others stay as
 believed. About the kind with the greatest evidence, all parameters are inferred together, by
 damped Gauss-Newton (Levenberg, Marquardt) with Student's t. What has the greatest evidence
-predicts. There are R problems of C episodes. The episodes of a problem share its parameters, but
-for those of the scope "episode": of them each episode has a value of its own. An episode's history
-is a problem of one episode, the recordings of a laboratory are one problem of many.
+predicts. In an episode there is one step after each push (`Trace`). In a `fit` there are R problems
+of C episodes. The episodes of a problem share its parameters, but for those of the scope "episode":
+of them each episode has a value of its own. The recordings of a laboratory are one problem of many
+episodes.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final, Self
 
 import numpy as np
@@ -96,6 +98,22 @@ class Normal:
     information: Float[ndarray, "C D D"]
     pull: Float[ndarray, "C D"]
 
+    def add(
+        self,
+        kind: Kind,
+        part: ObservedPushes,
+        factor: Float[ndarray, "C"],
+        errors: Float[ndarray, "P N 3"],
+        slopes: Float[ndarray, "P N 3 D"],
+    ) -> None:
+        """Add what pushes with these errors show, which change so with the parameters."""
+        scale = part.scales(factor[part.episode, None])
+        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
+        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
+        weighted = kind.temper * weight[..., None, None] * slopes
+        np.add.at(self.information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
+        np.add.at(self.pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
+
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
@@ -139,27 +157,50 @@ def fit(
         score, factor = _best(kind, totals)
         some = _of_episodes(parts, goes_on[problem])
         normal = normal_equations(kind, some, places, factor[problem])
-        tried = goes_on
-        while tried.any():
-            step = _step(normal, kind, places, together, DAMPING[damping])
-            moved = places + tried[problem, None] * step
-            now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
-            better = tried & (_best(kind, now)[0] > score)
-            totals[better], places[better[problem]] = now[better], moved[better[problem]]
-            tried = tried & ~better & (damping < len(DAMPING) - 1)
-            damping[tried] += 1
-            damping[better] = np.maximum(damping[better] - 1, 0)
+        _climb(kind, parts, normal, places, totals, damping, goes_on, together)
         goes_on = _best(kind, totals)[0] > score + ENOUGH
         if not goes_on.any():
             break
     _, factor = _best(kind, totals)
-    normal, rooms = normal_equations(kind, parts, places, factor[problem]), []
+    normal = normal_equations(kind, parts, places, factor[problem])
+    evidence = _log_evidence(kind, totals, normal, factor, together)
+    return Fit(kind, together, places, normal, factor, evidence)
+
+
+def _climb(
+    kind: Kind,
+    parts: Parts,
+    normal: Normal,
+    places: Float[ndarray, "C D"],
+    totals: Float[ndarray, "R K"],
+    damping: Int[ndarray, "R"],
+    climbs: Bool[ndarray, "R"],
+    together: bool = False,
+) -> None:
+    """Move places of problems that climb by a step, in place, damped until totals are larger."""
+    problem, score = np.arange(len(places)) * (not together), _best(kind, totals)[0]
+    tried = climbs
+    while tried.any():
+        step = _step(normal, kind, places, together, DAMPING[damping])
+        moved = places + tried[problem, None] * step
+        now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
+        better = tried & (_best(kind, now)[0] > score)
+        totals[better], places[better[problem]] = now[better], moved[better[problem]]
+        tried = tried & ~better & (damping < len(DAMPING) - 1)
+        damping[tried] += 1
+        damping[better] = np.maximum(damping[better] - 1, 0)
+
+
+def _log_evidence(
+    kind: Kind, totals: ndarray, normal: Normal, factor: Float[ndarray, "R"], together: bool = False
+) -> Float[ndarray, "R"]:
+    """Return the logarithm of the evidence of each problem by Laplace's approximation."""
+    problem, rooms = np.arange(len(normal.pull)) * (not together), []
     for other in FACTORS:
         share = (factor / other)[problem, None, None] ** 2
         reduced = Reduced.of(Normal(normal.information * share, normal.pull), kind, together)
         rooms.append(reduced.log_room(kind, together))
-    evidence = over_factors(totals - 0.5 * np.stack(rooms, axis=1))
-    return Fit(kind, together, places, normal, factor, evidence)
+    return over_factors(totals - 0.5 * np.stack(rooms, axis=1))
 
 
 def normal_equations(
@@ -167,17 +208,10 @@ def normal_equations(
 ) -> Normal:
     """Return the normal equations of each episode at vectors z, with a factor of the noise each."""
     count, size = places.shape
-    information, pull = np.zeros((count, size, size)), np.zeros((count, size))
+    normal = Normal(np.zeros((count, size, size)), np.zeros((count, size)))
     for part in parts:
-        errors, slopes = slopes_of(kind, part, places[part.episode])
-        scale = part.scales(factor[part.episode, None])
-        errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
-        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
-        weight = kind.temper * weight
-        weighted = weight[..., None, None] * slopes
-        np.add.at(information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
-        np.add.at(pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
-    return Normal(information, pull)
+        normal.add(kind, part, factor, *slopes_of(kind, part, places[part.episode]))
+    return normal
 
 
 def slopes_of(
@@ -224,7 +258,7 @@ def _best(
     kind: Kind, totals: Float[ndarray, "R K"]
 ) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
     """Return the largest total of each problem among factors that count, and its factor."""
-    counts = FACTORS >= LEAST_FACTOR * (kind.temper == 1.0)
+    counts = LEAST_FACTOR * (kind.temper == 1.0) <= FACTORS
     return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
 
 
@@ -275,10 +309,112 @@ def _sums(values: Float[ndarray, "C *V"], together: bool) -> Float[ndarray, "R *
     return values.cumsum(axis=0)[-1:] if together else values  # one after another
 
 
-# --- rows of pushes -------------------------------------------------------------------------------
+# --- one push after the other ---------------------------------------------------------------------
 
-STEPS: Final = 3
-STEPS_OF_BODIES: Final = 12  # of a body on a surface, whose own pushes may be many
+SLOPES: Final = 8  # pushes whose slopes are computed anew after each push
+MOVED: Final = 0.05  # [spreads], of parameters, after which slopes are others
+UNCERTAIN: Final = 3  # first pushes: there the grid may have the better start
+KEPT: Final = 256  # episodes
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The most likely parameters of an episode after its first P pushes.
+
+    After each push there is one step from those before it. Slopes of a push that was seen long ago
+    stay as they were, unless the parameters have moved the most since then: so a step costs the
+    same after any number of pushes.
+    """
+
+    place: Float[ndarray, "D"]  # the vector z
+    slopes: Float[ndarray, "P N 3 D"]
+    at: Float[ndarray, "P D"]  # vectors z at which they were computed
+    covariance: Float[ndarray, "D D"]
+    log_evidence: float
+
+    @classmethod
+    def before(cls, kind: Kind, bodies: int) -> Self:
+        """Return what is believed before any push of so many bodies."""
+        size = len(kind.names)
+        slopes = np.empty((0, bodies, 3, size))
+        return cls(np.zeros(size), slopes, np.empty((0, size)), kind.covariance, 0.0)
+
+    def then(self, kind: Kind, pushes: ObservedPushes, start: Float[ndarray, "D"]) -> Self:
+        """Return what is believed after one more push, the last of these.
+
+        `start` is what a grid shows of its parameters; others are 0 there.
+        """
+        places, parts, nothing = self.place[None].copy(), [pushes], np.zeros(1, np.int64)
+        totals = _totals(kind, parts, places, together=False)
+        if len(pushes) <= UNCERTAIN:
+            on_grid = np.array([name in kind.on_grid for name in kind.names])
+            other = np.where(on_grid, start, self.place)[None]
+            there = _totals(kind, parts, other, together=False)
+            if _best(kind, there)[0] > _best(kind, totals)[0]:
+                places, totals = other, there
+        slopes = np.concatenate([self.slopes, np.zeros((1, *self.slopes.shape[1:]))])
+        at = np.concatenate([self.at, np.full((1, len(self.place)), np.inf)])
+        far = np.abs(at - places).max(axis=1)
+        anew = np.argsort(-far, kind="stable")[:SLOPES]
+        anew = anew[far[anew] > MOVED]
+        slopes[anew] = slopes_of(kind, pushes.select(anew), np.repeat(places, len(anew), axis=0))[1]
+        at[anew] = places
+        normal = _normal(kind, pushes, places, slopes, totals)
+        _climb(kind, parts, normal, places, totals, nothing, nothing == 0)
+        normal = _normal(kind, pushes, places, slopes, totals)
+        evidence = _log_evidence(kind, totals, normal, _best(kind, totals)[1])
+        covariance = np.linalg.inv(normal.information[0] + kind.precision)
+        return type(self)(places[0], slopes, at, covariance, float(evidence[0]))
+
+
+def _normal(
+    kind: Kind, pushes: ObservedPushes, places: ndarray, slopes: ndarray, totals: ndarray
+) -> Normal:
+    size = places.shape[1]
+    normal = Normal(np.zeros((1, size, size)), np.zeros((1, size)))
+    errors = errors_at(kind, pushes, np.repeat(places, len(pushes), axis=0))
+    normal.add(kind, pushes, _best(kind, totals)[1], errors, slopes)
+    return normal
+
+
+def traces(kind: Kind, pushes: ObservedPushes, known: Known) -> list[Trace]:
+    """Return what is believed after the pushes of each row, in their order.
+
+    A row goes on where a shorter one ends, and an episode where it was before its latest push.
+    """
+    pushes = replace(pushes, episode=np.zeros(len(pushes), np.int64))
+    curves, rows = curves_of(kind, pushes), np.split(known.push, np.cumsum(known.counts)[:-1])
+    found = [Trace.before(kind, pushes.disks)] * len(rows)
+    trace, done = found[0], rows[0][:0]
+    for number in sorted(range(len(rows)), key=lambda row: rows[row].tolist()):
+        row = rows[number]
+        if len(done) == 0 or not np.array_equal(done, row[: len(done)]):
+            trace, done = Trace.before(kind, pushes.disks), row[:0]
+            for some in (row, row[:-1]):
+                if kept := _place_of(kind, pushes.bodies, _key(pushes, some)):
+                    trace, done = kept[0], some
+                    break
+        for count in range(len(done) + 1, len(row) + 1):
+            some = row[:count]
+            start = marginals(kind, curves[some].sum(axis=0)[None]).places[0]
+            trace = trace.then(kind, pushes.select(some), start)
+        found[number], done = trace, row
+    if len(rows) == 1:
+        _place_of(kind, pushes.bodies, _key(pushes, rows[0])).append(trace)
+    return found
+
+
+def _key(pushes: ObservedPushes, rows: Indices) -> bytes:
+    return b"".join(column[rows].tobytes() for column in pushes.seen)
+
+
+@lru_cache(KEPT)
+def _place_of(kind: Kind, bodies: Bodies, pushes: bytes) -> list[Trace]:
+    """Return where the trace of an episode is kept, for the next push."""
+    return []
+
+
+# --- rows of pushes -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -369,16 +505,13 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         some = chosen[known.counts[chosen] > 0]
         if not len(some) or len(kind.on_grid) == len(kind.names):
             continue
-        part, count = known.of_rows(some), len(kind.names)
-        observed = replace(pushes.select(part.push), episode=part.row)
-        steps = STEPS_OF_BODIES if kind.of_bodies else STEPS
-        found = fit(kind, [observed], places[some, :count], steps)
-        together = found.log_evidence + kind.log_odds_of(pushes.bodies)
+        found = traces(kind, pushes, known.of_rows(some))
+        together = np.array([one.log_evidence for one in found]) + kind.log_odds_of(pushes.bodies)
         better = (together > log_evidence[some, best[some]]) | kind.of_bodies
         inferred[some] = better
-        places[some[better], :count] = found.places[better]
-        deviations = np.sqrt(np.diagonal(found.covariance, axis1=1, axis2=2))
-        spreads[some[better], :count] = deviations[better]
+        for row, one in zip(some[better], (found[i] for i in np.flatnonzero(better)), strict=True):
+            places[row, : len(kind.names)] = one.place
+            spreads[row, : len(kind.names)] = np.sqrt(np.diag(one.covariance))
     memories = np.full(known.rows, None)
     return Posterior(belief, best, inferred, places, spreads, inferred, memories)
 
