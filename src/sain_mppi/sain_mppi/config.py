@@ -136,15 +136,8 @@ WIDENING: Final = 2.0  # factor on samples and noise after large errors or witho
 
 @dataclass(frozen=True)
 class ProgressConfig(Config):
-    """When plans are made wider, or pushes slower, and when there is no point in going on."""
+    """When plans are made wider, and when there is no point in going on."""
 
-    careful_after: float = option(
-        0.0,
-        "mean error of predictions on the way to a goal, of the body that is farthest off, from"
-        " which on pushes near the goal have `correction_speed`; 0: all but the first push",
-        unit="m",
-        minimum=0.0,
-    )
     stalled_after: int = option(
         3,
         "pushes without progress after which plans are wider, and the reason is reported",
@@ -211,8 +204,7 @@ class PlannerConfig(Config):
     )
     correction_speed: float = option(
         0.05,
-        "speed of pushes that correct, near the goal, after errors of predictions:"
-        " see `progress.careful_after`",
+        "speed of pushes that correct: near the goal, all but the first one on the way to it",
         unit="m/s",
         minimum=0.01,
     )

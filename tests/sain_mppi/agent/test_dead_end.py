@@ -58,3 +58,11 @@ def test_a_side_that_no_push_reaches_is_named():
     found = find_dead_end(short, 3)
     assert found.cause == Cause.SIDE
     assert "no permitted push moves body 0 where it has to go" in str(found)
+
+
+def test_no_room_on_the_table_behind_a_body_is_named():
+    places = np.array([[0.258, 0.146], [0.312, 0.278]])
+    scene = make_scene(places, np.full(2, 8.0), np.array([0.08, 0.06]))
+    found = find_dead_end(Problem.of(scene, Goal.place(0.321, 0.280, 0.005)), 3)
+    assert found.cause == Cause.ROOM
+    assert "the table has no room for body 0 behind body 1" in str(found)

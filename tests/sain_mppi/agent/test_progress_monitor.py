@@ -87,16 +87,12 @@ def test_nudges_that_hardly_lower_the_cost_are_a_dead_end(scene):
     assert monitor.without == 0
 
 
-def test_pushes_near_the_goal_are_slow_only_after_predictions_that_erred(scene, dynamics):
+def test_pushes_near_the_goal_are_slow_but_for_the_first_one(scene, dynamics):
     near = scene.copy()
     near[TARGET, POSITION] = [0.66, 0.05]
     near[MID, POSITION] = [0.50, 0.02]
-    usual = PlannerConfig().speeds[0]
-    slow = CONFIG.correction_speed
-    for after, error, speed in ((0.005, 0.001, usual), (0.005, 0.02, slow), (0.0, 0.001, slow)):
-        progress = ProgressConfig(careful_after=after)
-        decider = decider_over(dynamics, replace(CONFIG, progress=progress))
-        first = decide(decider, near)
-        assert first.plan.push[SPEED] == pytest.approx(usual)  # nothing is known yet
-        then = decide(decider, moved(first.predicted, MID, [error, 0.0]), 1)
-        assert then.plan.push[SPEED] == pytest.approx(speed)
+    decider = decider_over(dynamics)
+    first = decide(decider, near)
+    assert first.plan.push[SPEED] == pytest.approx(PlannerConfig().speeds[0])
+    then = decide(decider, moved(first.predicted, MID, [0.001, 0.0]), 1)
+    assert then.plan.push[SPEED] == pytest.approx(CONFIG.correction_speed)

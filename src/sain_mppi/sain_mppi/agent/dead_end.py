@@ -12,6 +12,7 @@ from numpy import ndarray
 from sain_core.push import make_push, strokes
 from sain_core.scene import POSITION, wrap_angle
 from sain_core.types import Scalars
+from sain_mppi.objective.cost import table_room
 from sain_mppi.objective.problem import Problem
 
 OBLIQUE: Final = np.pi / 4  # [rad], a push this far off the way still moves a body along it
@@ -27,6 +28,7 @@ class Cause(StrEnum):
     """What kind of reason it is."""
 
     REACH = "out_of_reach"
+    ROOM = "no_room"
     BLOCKED = "blocked"
     SIDE = "no_side"
     NOISE = "noise"
@@ -81,6 +83,14 @@ class Way:
         return float(np.linalg.norm(place - self.place - along * self.direction))
 
     @property
+    def has_room(self) -> bool:
+        """Whether there is room on the table for the pushing body, and in reach for the tool."""
+        feasibility, wide = self.problem.feasibility, self.problem.span(self.pusher)[1]
+        direct = self.pusher == self.body
+        on_table = direct or table_room(self.behind, feasibility.table) >= wide
+        return bool(on_table and feasibility.reach.contains(self.stand))
+
+    @property
     def wanted(self) -> float:
         """The heading [rad] in which the pushed body has to move next."""
         to = self.direction
@@ -122,6 +132,9 @@ def _causes(way: Way, error: Scalars | None) -> Iterator[tuple[Cause, str]]:
         x, y = way.stand
         text = f"the tool would have to stand at ({x:.2f}, {y:.2f}) m, out of the arm's reach"
         yield Cause.REACH, f"{text}; choose a goal farther inside"
+    elif not way.has_room:
+        text = f"the table has no room for body {way.pusher} behind body {way.body}"
+        yield Cause.ROOM, f"{text}; choose a goal farther inside"
     if (other := _obstacle(way)) is not None:
         text = f"body {other} is in the way; move it, or choose another goal"
         yield Cause.BLOCKED, text

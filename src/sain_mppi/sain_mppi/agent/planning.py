@@ -3,7 +3,6 @@
 import logging
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
-from statistics import fmean
 from threading import Event
 from time import monotonic
 from typing import Final, Self
@@ -334,9 +333,8 @@ class ProgressMonitor:
 
     @property
     def careful(self) -> bool:
-        """Whether predictions were so far off that pushes near the goal should be slow."""
-        largest = [float(errors.max()) for errors in self._errors]
-        return bool(largest) and fmean(largest) >= self.config.careful_after
+        """Whether pushes near the goal should be slow: all but the first push."""
+        return bool(self._errors)
 
     @property
     def mean_errors(self) -> Scalars | None:

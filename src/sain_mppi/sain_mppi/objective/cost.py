@@ -235,7 +235,7 @@ def stranded(rollout: Rollout, objective: Objective) -> Scalars:
         away = rear + width + limits.tool_radius + limits.clearance
         tool = last[:, relay.body, POSITION] + away[:, None] * behind
         out_of_reach = np.maximum(-region.room(tool), 0.0)
-        off = np.maximum(width / 2 - _table_room(middle, table), 0.0)
+        off = np.maximum(width / 2 - table_room(middle, table), 0.0)
         return np.asarray(relay.remaining * (out_of_reach + off))
 
     return np.zeros(len(rollout.after)) if bodies.all_round else _over_relays(rollout, term)
@@ -283,8 +283,8 @@ def overhang(rollout: Rollout, objective: Objective) -> Scalars:
     placed = objective.goal.placed(objective.problem.scene)
     margin = np.array([0.0 if shape.is_round else ERROR_ROOM for shape in bodies.shapes])
     size = np.array([shape.circumradius for shape in bodies.shapes]) * placed[:, RADIUS] + margin
-    needed = np.minimum(size, _table_room(placed[:, POSITION], table))
-    room = _table_room(rollout.after[..., POSITION], table)  # (K, H, N)
+    needed = np.minimum(size, table_room(placed[:, POSITION], table))
+    room = table_room(rollout.after[..., POSITION], table)  # (K, H, N)
     return np.asarray(np.maximum(needed - room, 0.0).max(axis=1).sum(axis=1))
 
 
@@ -369,7 +369,7 @@ def _extent(shape: Shape, states: Float[ndarray, "K 8"], way: Points) -> Scalars
     return np.asarray((unit(heading) @ shape.outline(1.0).T).max(axis=-1) * states[:, RADIUS])
 
 
-def _table_room(points: Points, table: Table) -> Scalars:
+def table_room(points: Points, table: Table) -> Scalars:
     """Return the distance [m] of points (..., 2) to the nearest edge; negative off the table."""
     x, y = points[..., 0], points[..., 1]
     across = np.minimum(x - table.x_min, table.x_max - x)
