@@ -66,10 +66,8 @@ class Rollout:
         """Return sequences from the scene of an objective, with their prediction."""
         problem, weights = objective.problem, objective.weights
         before, moving = scenes_before(problem.scene, predicted), pushes[..., LENGTH] > 0.0
-        possible, gaps = np.ones(moving.shape, bool), np.full(moving.shape, np.inf)
-        possible[moving], gaps[moving] = problem.feasibility.assess(
-            before[moving], pushes[moving], problem.bodies
-        )
+        possible, gaps = problem.feasibility.assess(before, pushes, problem.bodies)
+        gaps[~moving] = np.inf
         relays = []
         for pose, pusher in zip(problem.goal.poses, problem.pushers, strict=True):
             if pusher != pose.body:
