@@ -11,23 +11,16 @@ help: ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | awk -F ':.*## ' '{ printf "  make %-8s %s\n", $$1, $$2 }'
 	@echo "  ./env CMD     any command inside the environment, for example ./env ros2 pkg executables"
 
-# Plays all scenarios: the folder below results/table, the options of its world, and further models. The tolerances of poses
-# are those of docs/explanation/shapes.md. A scene of `streak` takes up to 100 goals.
-define evaluate_in
-	@./env ros2 run sain_eval evaluate --out results/table/$(1)/paper --scenario paper,paper_shift,paper_cube \
-		--controllers null,straight,random,planar,sain,oracle$(3) --tolerances $(PLACES) $(2) $(ARGS)
-	@./env ros2 run sain_eval evaluate --out results/table/$(1)/anywhere --scenario anywhere,anywhere_cube \
-		--controllers straight,planar,sain,oracle$(3) --tolerances $(PLACES) $(2) $(ARGS)
-	@./env ros2 run sain_eval evaluate --out results/table/$(1)/poses \
-		--scenario box,push_t,shapes,shapes_indirect,rearrange_2,rearrange_3,rearrange_4 \
-		--controllers random,planar,sain,oracle$(3) --tolerances $(POSES) $(2) $(ARGS)
-	@./env ros2 run sain_eval evaluate --out results/table/$(1)/blocked --scenario blocked \
-		--controllers straight,planar,sain,oracle$(3) --tolerances $(POSES) $(2) $(ARGS)
-	@./env ros2 run sain_eval evaluate --out results/table/$(1)/streak --scenario streak \
-		--controllers planar --tolerances $(POSES) $(2) $(ARGS) --scenes 3
+# One evaluation: the folder below results/table, and its options. The tolerances of poses are those of docs/explanation/shapes.md.
+define evaluate
+	@./env ros2 run sain_eval evaluate --out results/table/$(1) $(2) $(ARGS)
 endef
-PLACES := 0.05,0.02,0.01,0.005
-POSES := 0.02:0.1,0.01:0.05,0.005:0.03
+PLACES := --tolerances 0.05,0.02,0.01,0.005 --scenario
+POSES := --tolerances 0.02:0.1,0.01:0.05,0.005:0.03 --scenario
+MUJOCO := --engine mujoco
+COMMA := ,
+BOTH := --controllers planar,sain
+SAIN := --controllers sain
 
 demo: ## the closed loop on the whole graph, headless: a few episodes, a bag and a report page
 	@./env ros2 run sain_bringup closed_loop $(ARGS)
@@ -66,19 +59,26 @@ format: ## rewrites the Python code in the project's format
 bench: ## timings beside those of others; some of them, or other rooms, with ARGS="planar_prior"
 	@./env python -m benchmarks $(or $(ARGS),speed)
 
-# Further models of one world, with a comma in front: BULLET=,runs/learned/sain.safetensors, ROUGH=..., MUJOCO=..., MEASURED=...
-# Of gym-pusht: PUSHT="--scenes 20". In the page: NAMES="--names 'runs/learned/sain.safetensors=learned only'".
-table: ## results/results.md and its picture: all scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
-	$(call evaluate_in,bullet,,$(BULLET))
-	$(call evaluate_in,rough,--world rough,$(ROUGH))
-	$(call evaluate_in,mujoco,--engine mujoco,$(MUJOCO))
-	$(call evaluate_in,measured,--engine mujoco --world measured --lab 7,$(MEASURED))
+table: ## results/results.md and its picture: scenarios in Bullet, its rough world, MuJoCo, its measured world and gym-pusht; fewer with ARGS="--scenes 5"
+	$(call evaluate,bullet/paper,$(PLACES) paper$(COMMA)paper_shift --scenes 40 --seed 500000 $(BOTH))
+	$(call evaluate,bullet/paper_cube,$(PLACES) paper_cube --scenes 100 --seed 501000 $(BOTH))
+	$(call evaluate,bullet/anywhere,$(PLACES) anywhere --scenes 300 --seed 400000 $(BOTH))
+	$(call evaluate,bullet/push_t,$(POSES) push_t --scenes 100 --seed 502000 $(BOTH))
+	$(call evaluate,bullet/rearrange_3,$(POSES) rearrange_3 --scenes 50 --seed 503000 $(SAIN))
+	$(call evaluate,bullet/shapes,$(POSES) shapes --scenes 110 --seed 507000 $(SAIN))
+	$(call evaluate,bullet/shapes_indirect,$(POSES) shapes_indirect --scenes 40 --seed 508000 $(SAIN))
+	$(call evaluate,bullet/blocked,$(POSES) blocked --scenes 40 --seed 509000 $(SAIN))
+	$(call evaluate,bullet/rearrange_4,$(POSES) rearrange_4 --scenes 20 --seed 510000 $(SAIN))
+	$(call evaluate,rough/anywhere,--world rough $(PLACES) anywhere --scenes 100 --seed 505000 $(BOTH))
+	$(call evaluate,mujoco/anywhere,$(MUJOCO) $(PLACES) anywhere --scenes 300 --seed 420000 $(BOTH))
+	$(call evaluate,mujoco/push_t,$(MUJOCO) $(POSES) push_t --scenes 100 --seed 504000 $(BOTH))
+	$(call evaluate,measured/anywhere,$(MUJOCO) --world measured --lab 7 $(PLACES) anywhere --scenes 100 --seed 506000 $(BOTH))
 	@./env --with test pip install --quiet --no-deps --no-build-isolation ./examples/pusht
 	@./env ros2 run sain_eval evaluate --engine gym-pusht --scenario gym-pusht --controllers pusht --tolerances 0.01 \
 		--planner.speeds 0.32 --planner.correction-speed 0.32 --planner.samples 256 --planner.horizon 2 \
-		--planner.weights.effort 6.25 --out results/table/pusht --scenes 500 $(ARGS) $(PUSHT)
+		--planner.weights.effort 6.25 --out results/table/pusht --scenes 100 $(ARGS)
 	@./env ros2 run sain_eval results results/table/bullet/* results/table/rough/* results/table/mujoco/* \
-		results/table/measured/* results/table/pusht $(NAMES)
+		results/table/measured/* results/table/pusht
 	@./env python -m benchmarks.results.results_figure
 
 faults: ## results/faults.md: what the graph makes of killed and stopped nodes, an arm that fails, and hostile input; takes an hour

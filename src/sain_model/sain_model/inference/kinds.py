@@ -42,7 +42,7 @@ LABORATORY: Final = (  # what pushes show of the physics of a table, a tool and 
 )  # fmt: skip
 BODY_ON_SURFACE: Final = (  # what pushes show of a body on a surface, and of where the tool is
     "tool_friction", "torsion", "pressure", "centre_x", "centre_y", "grain_x", "grain_y",
-    "table_grain_x", "table_grain_y", "tip_x", "tip_y",
+    "table_grain_x", "table_grain_y", "tip_x", "tip_y", "length_offset",
 )  # fmt: skip
 OF_TABLE: Final = (  # what many pushes show besides: of a table, and of a robot that is not exact
     "slope_x", "slope_y", "table_grain_x", "table_grain_y", "centre_x", "centre_y", "torsion",
