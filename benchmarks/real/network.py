@@ -20,41 +20,27 @@ from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
-from sain_model.dynamics.identify import (
-    believed_places,
-    body_names,
-    pushes_of_bodies,
-    with_beliefs,
-)
+from sain_model.dynamics.identify import believed_places, body_names, pushes_of_bodies
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.sain import SainDynamics, residual_model, with_intervals
+from sain_model.dynamics.sain import SainDynamics, with_intervals
 from sain_model.inference.kinds import friction_kind, only
 from sain_model.inference.population import Pair, Population
 from sain_model.inference.posterior import Posterior
-from sain_model.network.interaction_network import new_network
-from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME, WORLD_FRAME, NetworkConfig
+from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME
+from sain_model.training.fit import fit
 from sain_model.training.interval_fit import fit_regions, with_regions
-from sain_model.training.objectives import SinglePushes
-from sain_model.training.settings import NOTHING, TrainingConfig
-from sain_model.training.trainer import Trainer
+from sain_model.training.settings import OF_BODIES, TrainingConfig
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
 JUDGED: Final = 60  # pushes of each body that regions of new ones are fitted to
 
-SETTINGS: Final = TrainingConfig(
-    history=NOTHING,
-    test=0.0,
-    epochs=80,
-    heading_scale=0.02,
-    network=NetworkConfig(hidden=128, features=WORLD_FRAME, believed=True, members=4),
-)
 OF_NEW: Final = replace(  # where the table is known, and the body is not
-    SETTINGS,
+    OF_BODIES,
     epochs=20,
-    network=replace(SETTINGS.network, features=PUSH_FRAME, believed=False, members=2),
+    network=replace(OF_BODIES.network, features=PUSH_FRAME, believed=False, members=2),
 )
 ALONE: Final = replace(  # without physics, of which nothing is believed then
-    SETTINGS, epochs=40, network=replace(SETTINGS.network, believed=False, members=2)
+    OF_BODIES, epochs=40, network=replace(OF_BODIES.network, believed=False, members=2)
 )
 
 
@@ -71,7 +57,7 @@ class NetworkRow:
 
     folder: Path
     on: IdentifiedPhysics | None = None
-    config: TrainingConfig = SETTINGS
+    config: TrainingConfig = OF_BODIES
     of_new: TrainingConfig = OF_NEW
 
     @property
@@ -117,16 +103,11 @@ class NetworkRow:
         learned, held = (
             pushes.select(rows) for rows in draw_parts(labels, config.seed, share, 0.0)[:2]
         )
-        split = Split(
-            *(with_beliefs(some.dataset, physics.population) for some in (learned, held, held))
-        )
-        network = new_network(config.network, config.seed)
-        kind = physics.population.kind
-        objective = SinglePushes(split, kind, config)
+        split = Split(learned.dataset, held.dataset, held.dataset.select(np.zeros(len(held), bool)))
         digest = hashlib.sha256(pushes.row.tobytes() + physics.identity_of(pushes))
-        path = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}.pt"
-        Trainer(network, objective, config, path, keeps_start=not known).run()
-        model = residual_model(network.weights, replace(kind, corrected=True), config.prior)
+        folder = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}"
+        kind = replace(physics.population.kind, corrected=True)
+        model, _ = fit(split, kind, config, folder, bodies=physics.population)
         return OfKnown(model, physics, held)
 
 

@@ -7,14 +7,15 @@ import pytest
 
 from benchmarks.real.folds import five_folds, left_out
 from benchmarks.real.kept import pose_errors
-from benchmarks.real.network import SETTINGS, NetworkRow
+from benchmarks.real.network import NetworkRow
 from benchmarks.real.physics import IdentifiedPhysics
 from benchmarks.real.pushes import PushTable
 from benchmarks.real.rows import Predicted, Row, fixed_rows
 from sain_model.network.settings import NetworkConfig
+from sain_model.training.settings import OF_BODIES
 from tests.benchmarks.real.synthetic import SURFACES
 
-SMALL = replace(SETTINGS, epochs=2, network=NetworkConfig(hidden=8, message=4, members=2))
+SMALL = replace(OF_BODIES, epochs=2, network=NetworkConfig(hidden=8, message=4, members=2))
 
 
 @pytest.fixture(scope="module")

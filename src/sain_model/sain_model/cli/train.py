@@ -12,7 +12,7 @@ from rich.console import Console
 
 from sain_core.output import claim_folder
 from sain_model.network.settings import STEPS, require_torch
-from sain_model.training.settings import DEFAULT, PRESETS, TrainingConfig, TrainOptions
+from sain_model.training.settings import DEFAULT, OF_BODIES, PRESETS, TrainingConfig, TrainOptions
 
 if TYPE_CHECKING:
     from sain_model.data.dataset import Dataset
@@ -20,18 +20,24 @@ if TYPE_CHECKING:
 
 
 def options(arguments: Sequence[str]) -> type[TrainOptions]:
-    """Return the options with the defaults that ``--preset`` and ``--from`` give.
+    """Return the options with the defaults that ``--preset``, ``--from`` and ``--belief`` give.
 
-    Raises `CheckpointError`: the checkpoint of ``--from`` is not sound.
+    Raises `CheckpointError`: the checkpoint of ``--from``, or the belief, is not sound.
     """
     scout = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     scout.add_argument("--preset", default=DEFAULT)
     scout.add_argument("--from", dest="parent")
+    scout.add_argument("--belief", default="")
     try:
         scouted = scout.parse_known_args(arguments)[0]
     except argparse.ArgumentError:
         return TrainOptions  # which reports it
     defaults = PRESETS.get(scouted.preset, TrainingConfig())
+    if scouted.belief and scouted.preset == DEFAULT:
+        from sain_model.inference.kinds import read_belief
+
+        if read_belief(Path(scouted.belief)).likeliest.of_bodies:
+            defaults = OF_BODIES
     if scouted.parent:
         from sain_model.training.fit import Parent  # loads PyTorch
 
@@ -106,10 +112,13 @@ def run(options: TrainOptions, console: Console) -> None:
     )
     path = options.out / f"{options.name}{SUFFIX}"
     save_checkpoint(path, weights_of(model), card)
-    history = histories[0]
+    history, centres = histories[0], weights_of(model).centres
     if history.best < 0:
-        console.print(f"no epoch did better on the validation episodes than {options.parent}:")
-        console.print(f"{path}: its weights, with regions fitted anew")
+        before = options.parent or "the physics alone"
+        console.print(f"held-out pushes: nothing that was learned did better than {before}")
+        console.print(f"{path}: as before, with regions fitted anew")
+    elif centres:
+        console.print(f"{path}: a kernel on {centres} pushes")
     else:
         console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
 

@@ -310,6 +310,7 @@ def _copy(source, first, count, lane, relation, at):
 
 # A change of meaning, order or scale below needs another `sain_core.provenance.FORMAT`.
 VECTORS_FROM = 3  # columns of what is believed of a body, before its vectors
+WAY = 9  # column of a body: how far physics moves it
 BODY_FEATURES = 20  # and the `PLACE_FEATURES` of a network that sees the world
 TURN = 2.0 * np.pi
 

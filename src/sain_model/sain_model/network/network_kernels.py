@@ -22,6 +22,8 @@ from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
     LANES,
+    MOVE_SCALE,
+    WAY,
     make_work,
     wrap,
     write_lane,
@@ -29,10 +31,15 @@ from sain_model.network.feature_kernels import (
 from sain_model.physics.body_kernels import make_workspace
 from sain_model.physics.push_kernels import push_bodies
 
+# A kernel's corrections are shares of the error that its physics makes, which grows with the way.
+LEAST_ERROR = np.float32(0.0008)  # [m]
+ERROR_SHARE = np.float32(0.06)
+MOST_ERROR = np.float32(0.003)  # [m]
+
 TILE = 4  # inputs x outputs that one pass of a dense layer takes; widths are padded to it
 OUTPUTS = 3  # dx, dy, dtheta
 
-HALF, ONE = np.float32(0.5), np.float32(1.0)
+HALF, ONE, THREE = np.float32(0.5), np.float32(1.0), np.float32(3.0)
 FLAT = np.float32(7.9)  # beyond it tanh is 1 in single precision
 # tanh(z) ~ z P(z^2) / Q(z^2), a minimax approximation to a few units in the last place: Eigen's,
 # https://gitlab.com/libeigen/eigen, generic_fast_tanh_float.
@@ -67,6 +74,11 @@ class PackedWeights(NamedTuple):
     message: int  # width of a message from one body to another, without padding
     body_features: int  # inputs of f_dyn that are no message
     unit: np.ndarray  # (3,) float64, [m, m, rad], an output of 1
+    # of a kernel on C pushes, which takes the place of f_rel and f_dyn; C = 0: of a network
+    columns: np.ndarray  # (F,) int64, of a body's features and, behind them, of its tool's relation
+    scales: np.ndarray  # (F,) float32, of these columns
+    centres: np.ndarray  # (C, F) float32, scaled
+    outputs: np.ndarray  # (C, 3) float32
 
 
 @compiled
@@ -169,6 +181,35 @@ def _send(weights, work, count):
 
 
 @compiled_apart
+def add_kernel(weights, work):
+    """Compute the residuals of the pushed bodies: Matern's kernel (3/2) about each centre."""
+    count, residual, apart = work.bodies.shape[0], work.residual, work.hidden[0, 0]
+    residual[:] = 0.0
+    for body in range(count):
+        inputs, tool = work.bodies[body], work.relations[body * count + body]
+        for centre in range(weights.centres.shape[0]):
+            apart[:] = 0.0
+            for place in range(weights.columns.shape[0]):
+                column, scale = weights.columns[place], weights.scales[place]
+                off = column - weights.body_features
+                row, middle = (
+                    tool[off] if off >= 0 else inputs[column],
+                    weights.centres[centre, place],
+                )
+                for lane in range(LANES):
+                    apart[lane] += (scale * row[lane] - middle) ** 2
+            for lane in range(LANES):
+                root = np.sqrt(THREE * apart[lane])
+                near = (ONE + root) * np.exp(-root)
+                for output in range(OUTPUTS):
+                    residual[body, output, lane] += near * weights.outputs[centre, output]
+        for lane in range(LANES):
+            error = min(LEAST_ERROR + ERROR_SHARE * MOVE_SCALE * inputs[WAY, lane], MOST_ERROR)
+            for output in range(OUTPUTS):
+                residual[body, output, lane] *= inputs[0, lane] * error * weights.unit[output]
+
+
+@compiled_apart
 def forward(weights, work, lanes):
     """Compute the residuals, the mean over the members, of the features in so many lanes."""
     members, residual, first = weights.relation.shape[0], work.residual, weights.body_features
@@ -191,6 +232,15 @@ def forward(weights, work, lanes):
                 scale = weights.unit[output] / members
                 for lane in range(LANES):
                     residual[body, output, lane] += told[output, lane] * scale
+
+
+@compiled
+def find_residuals(weights, work, lanes):
+    """Compute the residuals by a network, or by a kernel."""
+    if weights.centres.shape[0] > 0:
+        add_kernel(weights, work)
+    else:
+        forward(weights, work, lanes)
 
 
 @compiled_with_arrays
@@ -225,7 +275,7 @@ def correct_block(first, scenes, strokes, physics_next, believed, table, places,
         row = min(index, believed.shape[0] - 1)
         given = scenes[index], strokes[index], physics_next[index], believed[row]
         write_lane(*given, table, index - first, places, work)
-    forward(weights, work, last - first)
+    find_residuals(weights, work, last - first)
     for index in range(first, last):
         if strokes[index, LENGTH] != 0.0:
             apply(strokes[index], work.residual, index - first, physics_next[index])
@@ -280,7 +330,7 @@ def roll_out_block(
             moving[lanes] = index
             lanes += 1
         if corrects:
-            forward(weights, work, lanes)
+            find_residuals(weights, work, lanes)
             for lane in range(lanes):
                 index = moving[lane]
                 apply(strokes[index, step], work.residual, lane, predicted[index, step])

@@ -20,6 +20,9 @@ POSITION_UNIT: Final = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE
 UNIT: Final = (POSITION_UNIT, POSITION_UNIT, TURN_SCALE)
 RELATION: Final = "relation"  # f_rel
 DYNAMICS: Final = "dynamics"  # f_dyn
+# of a kernel, which takes the place of both: the features of its pushes, their scales, and outputs
+CENTRES, SCALES, OUTPUTS_OF = "centres", "scales", "outputs"
+TURN_ARM: Final = 0.04  # [m], on which a kernel's turn counts as a way
 
 Tensors = dict[str, Float32[ndarray, "..."]]
 
@@ -31,8 +34,14 @@ class NetworkWeights:
     config: NetworkConfig  # its size, and what it sees
     # of the linear layers of f_rel and f_dyn, named as PyTorch names them: ``relation.0.weight``
     # (outputs, inputs) and ``relation.0.bias`` (outputs,); those of an ensemble of M members have M
-    # in front
+    # in front. Those of a kernel: ``centres`` (C, F) with all features of bodies and relations,
+    # ``scales`` (F,) of these, ``outputs`` (C, 3)
     tensors: Tensors
+
+    @property
+    def centres(self) -> int:
+        """The number of pushes that a kernel is about; 0: these are a network's weights."""
+        return len(self.tensors.get(CENTRES, ()))
 
     @classmethod
     def parse(cls, config: NetworkConfig, content: bytes) -> "NetworkWeights":
@@ -47,7 +56,9 @@ class NetworkWeights:
         except KeyError as error:  # a type that NumPy does not have
             kind = error.args[0]
             raise CheckpointError(f"a tensor is of type {kind}; it must be float32") from error
-        expected = tensor_shapes(config)
+        expected = tensor_shapes(
+            config, sum(tensors[CENTRES].shape[:1]) if CENTRES in tensors else 0
+        )
         for name in sorted(expected.keys() | tensors.keys()):
             found = tuple(tensors[name].shape) if name in tensors else None
             if found != expected.get(name):
@@ -74,8 +85,11 @@ class NetworkWeights:
 
     def pack(self) -> PackedWeights:
         """Return them as the kernels take them."""
+        if self.centres:
+            return self._packed_kernel
         relation, relation_widths = self._pack(RELATION)
         dynamics, dynamics_widths = self._pack(DYNAMICS)
+        none = np.zeros((0, OUTPUTS), np.float32)
         return PackedWeights(
             relation,
             relation_widths,
@@ -85,6 +99,24 @@ class NetworkWeights:
             self.config.message,
             count_features(self.config)[0],
             np.array(UNIT, np.float32).astype(np.float64),
+            np.zeros(0, np.int64),
+            none[:, 0],
+            none,
+            none,
+        )
+
+    @property
+    def _packed_kernel(self) -> PackedWeights:
+        scales, (of_body, of_relation) = self.tensors[SCALES], count_features(self.config)
+        columns, nothing = np.flatnonzero(scales), np.zeros((1, 0), np.float32)
+        used = np.ascontiguousarray((scales * self.tensors[CENTRES])[:, columns])
+        widths = (np.array([_padded(count)]) for count in (of_relation, of_body))
+        relation, body = widths
+        unit = np.array([1.0, 1.0, 1.0 / TURN_ARM])
+        outputs = self.tensors[OUTPUTS_OF]
+        return PackedWeights(
+            *(nothing, relation, nothing, body, 1, 0, of_body, unit),
+            *(columns, scales[columns], used, outputs),
         )
 
     def _pack(self, perceptron: str) -> tuple[ndarray, ndarray]:
@@ -110,9 +142,12 @@ class NetworkWeights:
         return array if self.config.members > 1 else array[None]
 
 
-def tensor_shapes(config: NetworkConfig) -> dict[str, tuple[int, ...]]:
-    """Return the shape of each tensor of a network, by name."""
+def tensor_shapes(config: NetworkConfig, centres: int = 0) -> dict[str, tuple[int, ...]]:
+    """Return the shape of each tensor of a network, or of a kernel on so many pushes, by name."""
     of_body, of_relation = count_features(config)
+    if centres:
+        size = of_body + of_relation
+        return {CENTRES: (centres, size), SCALES: (size,), OUTPUTS_OF: (centres, OUTPUTS)}
     hidden = [config.hidden] * config.layers
     widths = {
         RELATION: [of_relation, *hidden, config.message],

@@ -66,9 +66,11 @@ from sain_model.inference.kinds import (
     read_belief,
     written_kind,
 )
+from sain_model.inference.population import Population
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import EARLIER, PLANAR, PLANAR_AXES, SHIPPED
 from sain_model.training.interval_fit import fit_intervals
+from sain_model.training.kernel_fit import FEW, fit_kernel
 from sain_model.training.objectives import Rollouts, SinglePushes
 from sain_model.training.settings import DEFAULT, EPISODE, NOTHING, TrainingConfig, TrainOptions
 from sain_model.training.trainer import LearningObjective, LossHistory, Progress, Trainer
@@ -123,18 +125,25 @@ def fit(
     start: SainDynamics | None = None,
     show: Show = lambda name, epochs, done: nullcontext(lambda epoch, history: None),
     overwrite: bool = False,
+    bodies: Population | None = None,
 ) -> tuple[SainDynamics, list[LossHistory]]:
     """Train on single pushes, then on rollouts if wanted; fit regions to the validation part.
 
     Network and regions are those of the best epoch. A training whose state is in the folder is
-    resumed; with `overwrite`, one of other settings or data is replaced. The weights of `start` are
-    kept if no epoch is better. `show` shows the training while it runs.
+    resumed; with `overwrite`, one of other settings or data is replaced. The weights of `start`, or
+    on `bodies` the physics alone, are kept if no epoch is better. `show` shows the training while
+    it runs. On few pushes of bodies, a kernel takes the place of the network.
 
+    `bodies` are those of the pushes; None: as those to learn from show.
     Raises `CheckpointError`: the state in the folder is damaged or of other settings or data.
     """
-    if kind.of_bodies:  # each has what the pushes to learn from show of it
-        bodies = infer_bodies(kind, split.train)
+    if kind.of_bodies:
+        bodies = infer_bodies(kind, split.train) if bodies is None else bodies
         split = Split(*(with_beliefs(part, bodies) for part in vars(split).values()))
+    if kind.of_bodies and len(split.train) <= FEW and config.takes_kernel:
+        weights, history = fit_kernel(split.train, kind, config)
+        sain = residual_model(weights, kind, config.prior, history=config.history)
+        return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), [history]
     network = new_network(config.network, config.seed)
     pushes = SinglePushes(split, kind, config)
     if start is not None:
@@ -147,7 +156,7 @@ def fit(
         stages.append((ROLLOUTS, Rollouts(split, kind, config), config.of_rollouts))
     histories = []
     for name, objective, settings in stages:
-        keeps = start is not None and name == PUSHES
+        keeps = (start is not None or kind.of_bodies) and name == PUSHES
         trainer = Trainer(network, objective, settings, folder / f"{name}.pt", keeps, overwrite)
         with show(name, settings.epochs, trainer.epoch) as progress:
             trainer.run(progress)
@@ -194,6 +203,11 @@ class Parent:
             raise CheckpointError(
                 f"{path} was trained on rollouts (--steps-ahead); fine-tuning learns from single"
                 " pushes, and would undo that"
+            )
+        if weights_of(sain).centres:
+            raise CheckpointError(
+                f"{path} is a kernel on few pushes, which does not go on learning; train on all"
+                " pushes together, without --from"
             )
         return cls(name, sain, parse_card(path, sain.origin.card))
 

@@ -275,7 +275,7 @@ def inferred_values(data: Part, kind: Kind) -> Values:
     return found | dict(data.given or {})
 
 
-def _examples_of(
+def examples_of(
     data: Dataset, kind: Kind, config: TrainingConfig, mirror: bool = False
 ) -> Examples:
     """Return the examples of all parts together, padded to the most bodies."""
@@ -300,8 +300,8 @@ class SinglePushes(LearningObjective):
         self.members = config.network.members
         self.identity = f"{split.train.sha256} {len(split.train)} {kind.identity}"
         self._config = config
-        self._train = _examples_of(split.train, kind, config, config.mirrors)
-        self._validation = _examples_of(split.validation, kind, config)
+        self._train = examples_of(split.train, kind, config, config.mirrors)
+        self._validation = examples_of(split.validation, kind, config)
         copies = len(self._train) // len(split.train)  # with mirror images two
         self.episodes = np.tile(split.train.episode, copies)
 

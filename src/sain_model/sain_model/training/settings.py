@@ -20,7 +20,15 @@ from sain_core.config import MOST_SEED, Config, option, required
 from sain_core.errors import ConfigError
 from sain_core.output import OVERWRITE_HELP
 from sain_core.transitions import SHARES, TEST, VALIDATION
-from sain_model.network.settings import BOOTSTRAP, EARLIER, ORDER, PLANAR, PUSH_FRAME, NetworkConfig
+from sain_model.network.settings import (
+    BOOTSTRAP,
+    EARLIER,
+    ORDER,
+    PLANAR,
+    PUSH_FRAME,
+    WORLD_FRAME,
+    NetworkConfig,
+)
 
 if TYPE_CHECKING:
     import torch
@@ -147,6 +155,12 @@ class TrainingConfig(Config):
         """Whether mirror images are learned from: a tilted table in a mirror is another table."""
         return self.mirror and self.network.features == PUSH_FRAME
 
+    @property
+    def takes_kernel(self) -> bool:
+        """Whether a kernel may take the place of the network: it needs to see the same."""
+        seen = self.network.features == WORLD_FRAME and self.network.believed
+        return seen and self.steps_ahead == 1
+
     def rate(self, epoch: int, step: int) -> float:
         """Return the learning rate at an epoch and a step."""
         if self.schedule == COSINE:
@@ -176,6 +190,13 @@ PAPER: Final = TrainingConfig(
     robust=False,
     optimizer=ADAM,
     schedule=HALVING_STEPS,
+)
+OF_BODIES: Final = TrainingConfig(  # of a belief in bodies that have names
+    test=0.0,
+    epochs=80,
+    history=NOTHING,
+    heading_scale=0.02,
+    network=NetworkConfig(hidden=128, features=WORLD_FRAME, believed=True, members=4),
 )
 DEFAULT: Final = "default"
 PRESETS: Final = {
