@@ -20,12 +20,12 @@ from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
-from sain_model.dynamics.identify import believed_places, body_names, pushes_of_bodies
+from sain_model.dynamics.identify import body_names, pushes_of_bodies
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics, with_intervals
+from sain_model.evaluation.errors import predict_known
 from sain_model.inference.kinds import friction_kind, only
 from sain_model.inference.population import Pair, Population
-from sain_model.inference.posterior import Posterior
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME
 from sain_model.training.fit import fit
 from sain_model.training.interval_fit import fit_regions, with_regions
@@ -106,8 +106,9 @@ class NetworkRow:
         split = Split(learned.dataset, held.dataset, held.dataset.select(np.zeros(len(held), bool)))
         digest = hashlib.sha256(pushes.row.tobytes() + physics.identity_of(pushes))
         folder = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}"
+        bodies = physics.population if self.on else None
         kind = replace(physics.population.kind, corrected=True)
-        model, _ = fit(split, kind, config, folder, bodies=physics.population)
+        model, _ = fit(split, kind, config, folder, bodies=bodies)
         return OfKnown(model, physics, held)
 
 
@@ -139,9 +140,7 @@ class OfKnown:
 
     def predicted(self, part: Part, corrected: bool = True) -> Prediction:
         """Return what is predicted with what is believed of each body."""
-        places = believed_places(part, self.physics.population)
-        rows = Posterior.at(self.model.belief, 0, places, np.full(len(part), corrected))
-        return self.model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
+        return predict_known(self.model, part, self.physics.population, corrected)
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,19 @@ import pytest
 from benchmarks.real.folds import five_folds, left_out
 from benchmarks.real.kept import pose_errors
 from benchmarks.real.network import NetworkRow
-from benchmarks.real.physics import IdentifiedPhysics
-from benchmarks.real.pushes import PushTable
+from benchmarks.real.physics import IdentifiedPhysics, Physics
+from benchmarks.real.pushes import PushTable, push_table
 from benchmarks.real.rows import Predicted, Row, fixed_rows
+from sain_core.transitions import draw_parts
+from sain_model import commands
+from sain_model.dynamics.identify import infer_bodies
+from sain_model.dynamics.load import load_checkpoint
+from sain_model.dynamics.sain import weights_of
+from sain_model.inference.kinds import read_belief
 from sain_model.network.settings import NetworkConfig
 from sain_model.training.settings import OF_BODIES
-from tests.benchmarks.real.synthetic import SURFACES
+from tests.benchmarks.real.synthetic import SURFACES, write_pushes
+from tests.sain_model.conftest import read_card
 
 SMALL = replace(OF_BODIES, epochs=2, network=NetworkConfig(hidden=8, message=4, members=2))
 
@@ -74,3 +81,21 @@ def test_a_network_is_trained_once_and_has_regions(synthetic_pushes, identified,
     again = row.fit(train, own).predict(test)
     np.testing.assert_array_equal(again.poses, found.poses)
     assert list((tmp_path / row.key).glob("[!.]*")) == files
+
+
+def test_the_command_learns_what_the_benchmark_learns(tmp_path):
+    data = write_pushes(tmp_path / "data", count=12)
+    belief, out = tmp_path / "belief.json", tmp_path / "out"
+    assert commands.identify([str(tmp_path / "data"), "--out", str(belief)]) == 0
+    given = [str(tmp_path / "data"), "--belief", str(belief), "--out", str(out)]
+    assert commands.train(given) == 0
+    pushes, kind = push_table(data), replace(read_belief(belief).likeliest, corrected=True)
+    learned = draw_parts(pushes.group, OF_BODIES.seed, OF_BODIES.validation, 0.0)[0]
+    physics = Physics(infer_bodies(kind, pushes.select(learned).dataset))
+    row = NetworkRow(tmp_path, IdentifiedPhysics(tmp_path, kind)).trained(pushes, physics, True)
+    model = load_checkpoint(out / "sain.safetensors")
+    assert weights_of(model).serialize() == weights_of(row.model).serialize()
+    gain = read_card(out / "sain.safetensors").errors["of_bodies"]
+    means = (gain["before"], physics), (gain["after"], row)
+    for mean, predictor in means:
+        assert mean == pytest.approx(off(predictor.predict(row.held), row.held), rel=1e-6)

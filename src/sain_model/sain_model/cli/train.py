@@ -56,6 +56,7 @@ def run(options: TrainOptions, console: Console) -> None:
     require_torch("train")
     from sain_core.view.figures import write_png
     from sain_model.data.dataset import load_dataset, split_by_episode
+    from sain_model.dynamics.identify import infer_bodies
     from sain_model.dynamics.load import SUFFIX, save_checkpoint
     from sain_model.dynamics.sain import weights_of
     from sain_model.evaluation.errors import NAMES, evaluate
@@ -66,6 +67,7 @@ def run(options: TrainOptions, console: Console) -> None:
         draw_losses,
         fit,
         gain_line,
+        gain_on_bodies,
         identified_kind,
         make_card,
         own_errors,
@@ -87,14 +89,17 @@ def run(options: TrainOptions, console: Console) -> None:
     split = split_by_episode(data, config.seed, config.validation, config.test)
     if parent:
         parent.check_data(data)
+    kind = kind or trained_kind(config)
+    bodies = infer_bodies(kind, split.train) if kind.of_bodies else None
     model, histories = fit(
         split,
-        kind or trained_kind(config),
+        kind,
         config,
         options.out,
         parent.sain if parent else None,
         partial(_show, options, data, console),
         options.overwrite,
+        bodies,
     )
     for history, name in zip(histories, PICTURES, strict=False):
         write_png(draw_losses(history), options.out / name)
@@ -107,6 +112,9 @@ def run(options: TrainOptions, console: Console) -> None:
     if parent:
         errors["fine_tuning"] = parent.gain(model, split.held_out)
         console.print(gain_line(errors["fine_tuning"], parent.name, errors["held_out"]))
+    if bodies:
+        errors["of_bodies"] = gain_on_bodies(model, split.held_out, bodies)
+        console.print(gain_line(errors["of_bodies"], "identified physics", errors["held_out"]))
     card = make_card(
         options, data, split, model, histories, errors, parent.card if parent else None
     )

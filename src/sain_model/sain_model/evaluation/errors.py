@@ -23,12 +23,13 @@ from sain_core.scene import POSITION, TARGET, THETA, wrap_angle
 from sain_core.transitions import MOVED
 from sain_core.types import Indices, Mask, Pushes, Scalars, Scenes
 from sain_model.data.dataset import Dataset, Part, Windows, make_windows
-from sain_model.dynamics.identify import body_names
+from sain_model.dynamics.identify import believed_places, body_names
 from sain_model.dynamics.intervals import Prediction
 from sain_model.dynamics.sain import LEARNED as LEARNED_KIND
 from sain_model.dynamics.sain import RECURRENT, RESIDUAL, SainDynamics
 from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import FRICTION, friction_belief
+from sain_model.inference.population import Population
 from sain_model.inference.posterior import Posterior
 from sain_model.physics.planar import PlanarPrior
 
@@ -206,6 +207,15 @@ def inferred_rows(model: SainDynamics, part: Part) -> Posterior:
 def with_history(model: SainDynamics, rows: Posterior) -> Predictor:
     """Return what a model predicts as in deployment: with what was inferred for each push."""
     return lambda scenes, pushes, some: model.step_rows(scenes, pushes, rows.of_rows(some))[1]
+
+
+def predict_known(
+    model: SainDynamics, part: Part, bodies: Population, corrected: bool = True
+) -> Prediction:
+    """Return predictions with what is believed of each body, by its name; or of physics alone."""
+    everywhere = np.full(len(part), corrected)
+    rows = Posterior.at(model.belief, 0, believed_places(part, bodies), everywhere)
+    return model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
 
 def predict_with_history(

@@ -18,6 +18,7 @@ from typing import Any, Final, Self
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy import ndarray
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 from rich.progress import Progress as Bars
@@ -33,7 +34,7 @@ from sain_core.types import Scalars
 from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_model.data.dataset import Dataset, Part, Split
-from sain_model.dynamics.identify import infer_bodies, with_beliefs
+from sain_model.dynamics.identify import with_beliefs
 from sain_model.dynamics.load import (
     SUFFIX,
     ModelCard,
@@ -57,6 +58,7 @@ from sain_model.evaluation.errors import (
     PRIOR_HISTORY,
     Figures,
     position_errors,
+    predict_known,
     predict_with_history,
 )
 from sain_model.inference.kinds import (
@@ -68,7 +70,7 @@ from sain_model.inference.kinds import (
 )
 from sain_model.inference.population import Population
 from sain_model.network.interaction_network import InteractionNetwork, new_network
-from sain_model.network.settings import EARLIER, PLANAR, PLANAR_AXES, SHIPPED
+from sain_model.network.settings import EARLIER, PLANAR, PLANAR_AXES, SHIPPED, WORLD_FRAME
 from sain_model.training.interval_fit import fit_intervals
 from sain_model.training.kernel_fit import FEW, fit_kernel
 from sain_model.training.objectives import Rollouts, SinglePushes
@@ -134,13 +136,13 @@ def fit(
     on `bodies` the physics alone, are kept if no epoch is better. `show` shows the training while
     it runs. On few pushes of bodies, a kernel takes the place of the network.
 
-    `bodies` are those of the pushes; None: as those to learn from show.
+    `bodies` is what pushes show of the bodies; None: their names do not count.
     Raises `CheckpointError`: the state in the folder is damaged or of other settings or data.
     """
-    if kind.of_bodies:
-        bodies = infer_bodies(kind, split.train) if bodies is None else bodies
+    if bodies is not None:
         split = Split(*(with_beliefs(part, bodies) for part in vars(split).values()))
-    if kind.of_bodies and len(split.train) <= FEW and config.takes_kernel:
+    seen = config.network.features == WORLD_FRAME and config.network.believed
+    if bodies is not None and seen and config.steps_ahead == 1 and len(split.train) <= FEW:
         weights, history = fit_kernel(split.train, kind, config)
         sain = residual_model(weights, kind, config.prior, history=config.history)
         return with_intervals(sain, fit_intervals(sain, *split.validation.parts)), [history]
@@ -156,7 +158,7 @@ def fit(
         stages.append((ROLLOUTS, Rollouts(split, kind, config), config.of_rollouts))
     histories = []
     for name, objective, settings in stages:
-        keeps = (start is not None or kind.of_bodies) and name == PUSHES
+        keeps = (start is not None or bodies is not None) and name == PUSHES
         trainer = Trainer(network, objective, settings, folder / f"{name}.pt", keeps, overwrite)
         with show(name, settings.epochs, trainer.epoch) as progress:
             trainer.run(progress)
@@ -278,12 +280,31 @@ class Parent:
         )
         episodes = np.concatenate([part.episode for part in parts])
         disks = all(part.bodies.are_paper_disks for part in parts)
-        return {
-            "bodies": "target" if disks else "pushed bodies",
-            "before": float(before.mean()),
-            "after": float(after.mean()),
-            "ratio": bootstrap_ratio(after, before, generator(0, "ratio"), episodes),
-        }
+        return _gain("target" if disks else "pushed bodies", before, after, episodes)
+
+
+def gain_on_bodies(sain: SainDynamics, held_out: Dataset, bodies: Population) -> dict[str, Any]:
+    """Return mean errors on held-out pushes [mm] of identified physics and of what corrects it."""
+    before, after = (
+        np.concatenate(
+            [
+                position_errors(found.mean, part.next_state, pushed_bodies(part.action))
+                for part in held_out.parts
+                for found in [predict_known(sain, part, bodies, corrected)]
+            ]
+        )
+        for corrected in (False, True)
+    )
+    return _gain("pushed bodies", before, after, held_out.episode)
+
+
+def _gain(bodies: str, before: Scalars, after: Scalars, episodes: ndarray) -> dict[str, Any]:
+    return {
+        "bodies": bodies,
+        "before": float(before.mean()),
+        "after": float(after.mean()),
+        "ratio": bootstrap_ratio(after, before, generator(0, "ratio"), episodes),
+    }
 
 
 def _errors(sain: SainDynamics, part: Part) -> Scalars:

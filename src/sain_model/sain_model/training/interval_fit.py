@@ -73,7 +73,7 @@ def _with_default_errors(
     between = np.zeros(2)
     if states_bodies(Dataset(tuple(data))):
         between = _between(logs, np.concatenate([body_names(part) for part in data]))
-    mean, within = logs.mean(axis=1), np.sqrt(logs.var(axis=1) - between**2)
+    mean, within = logs.mean(axis=1), np.sqrt(np.maximum(logs.var(axis=1) - between**2, 0.0))
     turns = float(intervals.usual_log_std[1] > 0.0)  # 0: headings have no regions
     usual, std, bodies = (
         (float(places), turns * float(headings)) for places, headings in (mean, within, between)

@@ -155,12 +155,6 @@ class TrainingConfig(Config):
         """Whether mirror images are learned from: a tilted table in a mirror is another table."""
         return self.mirror and self.network.features == PUSH_FRAME
 
-    @property
-    def takes_kernel(self) -> bool:
-        """Whether a kernel may take the place of the network: it needs to see the same."""
-        seen = self.network.features == WORLD_FRAME and self.network.believed
-        return seen and self.steps_ahead == 1
-
     def rate(self, epoch: int, step: int) -> float:
         """Return the learning rate at an epoch and a step."""
         if self.schedule == COSINE:
