@@ -104,7 +104,9 @@ class NetworkRow:
             pushes.select(rows) for rows in draw_parts(labels, config.seed, share, 0.0)[:2]
         )
         split = Split(learned.dataset, held.dataset, held.dataset.select(np.zeros(len(held), bool)))
-        digest = hashlib.sha256(pushes.row.tobytes() + physics.identity_of(pushes))
+        digest = hashlib.sha256(pushes.row.tobytes())
+        if self.on:
+            digest.update(physics.identity_of(pushes))
         folder = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}"
         bodies = physics.population if self.on else None
         kind = replace(physics.population.kind, corrected=True)

@@ -213,8 +213,9 @@ def predict_known(
     model: SainDynamics, part: Part, bodies: Population, corrected: bool = True
 ) -> Prediction:
     """Return predictions with what is believed of each body, by its name; or of physics alone."""
-    everywhere = np.full(len(part), corrected)
-    rows = Posterior.at(model.belief, 0, believed_places(part, bodies), everywhere)
+    named = bool(bodies.kind.names)
+    places = believed_places(part, bodies) if named else np.zeros((len(part), 0))
+    rows = Posterior.at(model.belief, 0, places, np.full(len(part), corrected))
     return model.with_bodies(part.bodies).predict_rows(part.state, part.action, rows)
 
 

@@ -27,7 +27,7 @@ from sain_model.training.trainer import LossHistory
 FEW: Final = 2000  # pushes: of more, a network learns as well
 FOLDS: Final = 5
 RATIOS: Final = (0.1, 0.3, 1.0, 3.0, np.inf)  # of variances, of noise to what is learned
-CERTAIN: Final = 2.0  # standard errors of a difference of losses
+CERTAIN: Final = 1.0  # standard errors of a difference of losses
 TAIL: Final = 4.0  # degrees of freedom of Student's t
 PASSES: Final = 3  # of reweighting
 OF_BODY: Final = {  # 1 / length of a body's columns: by evidence on 1,300 public pushes; the error
