@@ -43,8 +43,9 @@ def off(found: Predicted, pushes: PushTable) -> float:
 def test_physics_is_identified_for_each_body_on_its_surface(synthetic_pushes, identified):
     train, own, test = fold_of(synthetic_pushes)
     physics = identified.fit(train, own)
-    bodies = physics.kind.values(np.array(list(physics.places.values())))
-    friction = dict(zip(physics.places, bodies["tool_friction"], strict=True))
+    shown = physics.population.shown
+    bodies = physics.population.kind.values(np.array([one.place for one in shown.values()]))
+    friction = dict(zip(map(str, shown), bodies["tool_friction"], strict=True))
     for surface, truth in SURFACES.items():
         believed = [friction[body] for body in test.body[test.surface == surface]]
         assert np.mean(believed) == pytest.approx(truth, rel=0.25)
@@ -65,7 +66,7 @@ def test_a_new_body_is_predicted_with_what_others_and_its_own_pushes_show(
         parts = (synthetic_pushes.select(rows) for rows in (fold.train, fold.own, fold.test))
         train, own, test = parts
         physics = identified.fit(train, own)
-        assert (set(test.body) <= set(physics.places)) == (len(own) > 0)
+        assert (set(test.body) <= set(map(str, physics.population.shown))) == (len(own) > 0)
         errors.append(off(physics.predict(test), test))
     assert errors[1] < errors[0]
 
