@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from sain_core.model import load_dynamics
 from sain_core.push import BODY, LENGTH, make_stroke
 from sain_core.scene import POSITION, RADIUS, THETA, make_scene, unit
 from sain_core.shapes.bodies import Bodies
+from sain_core.transitions import PushHistory
 from sain_model.dynamics.memory import Memory, turned
 from sain_model.inference.evidence import ObservedPushes
+from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarPrior
 
 BODIES = Bodies.named(["square", "square"])
@@ -94,3 +97,16 @@ def test_exact_predictions_leave_nothing_to_learn():
     known, after = pushed(20, nothing)
     assert Memory.of(known, after) is None and Memory.of(known.select(slice(1)), after[:1]) is None
     assert known.state[0, 0, RADIUS] > 0.0
+
+
+def test_rollouts_of_disks_are_corrected_too(random_pushes):
+    scenes, pushes = random_pushes(30, 5)
+    after = PlanarPrior(AXES).step(scenes, pushes)
+    rows = np.arange(30), pushes[:, BODY].astype(int)
+    x, y = (after - scenes)[rows][:, POSITION].T
+    after[(*rows, POSITION)] += 0.3 * np.column_stack([-y, x])
+    model = load_dynamics("sain").condition(PushHistory(scenes, pushes, after))
+    assert model.now.memories[0] is not None
+    rolled = model.rollout(scenes[0], pushes[:8, None])
+    stepped = model.step(np.repeat(scenes[:1], 8, axis=0), pushes[:8])
+    np.testing.assert_array_equal(rolled[:, 0], stepped)

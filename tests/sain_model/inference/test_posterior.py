@@ -11,6 +11,7 @@ from sain_core.scene import MASS, POSITION
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import residual_model
+from sain_model.inference import posterior as inference
 from sain_model.inference.evidence import Known, ObservedPushes
 from sain_model.inference.kinds import (
     FRICTION,
@@ -21,7 +22,7 @@ from sain_model.inference.kinds import (
     read_belief,
     write_belief,
 )
-from sain_model.inference.posterior import Posterior, infer
+from sain_model.inference.posterior import Posterior, Trace, infer, traces
 from sain_model.network.interaction_network import InteractionNetwork
 from sain_model.physics.parameters import AXES, TEXTBOOK, PlanarConfig, with_mass_ratio
 from sain_model.physics.planar import PlanarPrior
@@ -57,6 +58,12 @@ def seen(draw: Draw, config: PlanarConfig, count: int = COUNT, seed: int = 5) ->
 def observed(history: PushHistory) -> ObservedPushes:
     arrays = history.state, history.action, history.next_state
     return ObservedPushes(*arrays, np.zeros(len(history), np.int64))
+
+
+def joined(*some: PushHistory) -> PushHistory:
+    return PushHistory(
+        *(np.concatenate([getattr(one, name) for one in some]) for name in some[0].arrays)
+    )
 
 
 def after(belief: Belief, history: PushHistory) -> Posterior:
@@ -157,3 +164,43 @@ def test_a_belief_is_read_as_it_was_written(belief, tmp_path, unknown):
         assert (kind.name, kind.names, kind.prior) == (other.name, other.names, other.prior)
         np.testing.assert_array_equal(kind.covariance, other.covariance)
     assert (MASS_RATIO in read.likeliest.names) == unknown
+
+
+def test_a_table_that_changes_in_mid_episode_is_found_again(belief, random_pushes):
+    then = replace(TEXTBOOK, friction=0.2, tool_friction=0.3, disk_friction=0.05)
+    now = replace(AXES, friction=0.07, tool_friction=0.05)
+    test, off = seen(random_pushes, now, 40, 991), []
+    for seed in (3, 13):
+        earlier, later = seen(random_pushes, then, 5, seed), seen(random_pushes, now, 15, seed + 1)
+        found = after(belief, joined(earlier, later))
+        predicted = found.of_rows(np.zeros(40, np.int64)).step(
+            observed(test).bodies, test.state, test.action
+        )
+        error = np.linalg.norm((predicted - test.next_state)[..., POSITION], axis=-1)
+        off.append(error.max(axis=1).mean())
+    assert np.mean(off) < 0.002
+
+
+def test_a_long_history_takes_few_steps_and_the_same_ones_as_one_push_after_the_other(
+    random_pushes, monkeypatch
+):
+    history, kind = observed(seen(random_pushes, TEXTBOOK, 60)), friction_kind(PlanarPrior())
+    steps, then = [], Trace.then
+    monkeypatch.setattr(Trace, "then", lambda *known: steps.append(0) or then(*known))
+    inference._place_of.cache_clear()
+    (cold,) = traces(kind, history, Known.first(60, [60]))
+    assert len(steps) < 45
+    inference._place_of.cache_clear()
+    for count in (59, 60):
+        some = history.select(slice(count))
+        (warm,) = traces(kind, some, Known.first(count, [count]))
+    assert warm.place.tobytes() == cold.place.tobytes()
+
+
+def test_values_that_are_given_are_told_apart_by_their_names(belief, random_pushes):
+    history, kind = observed(seen(random_pushes, TEXTBOOK, 3)), belief.kinds[TEXTBOOK_SECOND]
+    places = []
+    for name in ("friction", "tool_friction"):
+        known = replace(history, given={name: np.full(3, 0.2)})
+        places.append(traces(kind, known, Known.first(3, [3]))[0].place)
+    assert not np.array_equal(*places)

@@ -298,7 +298,8 @@ class SainDynamics(Model):
         """
         physics, bodies = self.physics, self.bodies.fitted(len(scene))
         disks = bodies.all_round and not bodies.fixed and not is_stroke(pushes)
-        if not (disks and isinstance(physics, PlanarPrior)):
+        recalls = self.now.memories[0] is not None  # depends on headings
+        if recalls or not (disks and isinstance(physics, PlanarPrior)):
             return super().rollout(scene, pushes)
         centred, flat = scene.copy(), pushes.reshape(-1, pushes.shape[-1])
         centred[:, POSITION] *= 0.0  # what is not finite stays so

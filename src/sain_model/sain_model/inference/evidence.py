@@ -180,8 +180,8 @@ def over_factors(log_densities: Float[ndarray, "*B K"]) -> Float[ndarray, "*B"]:
 
 
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
-KEPT: Final = 256  # pushes
-FEW: Final = 64  # of a history whose curves are kept
+KEPT: Final = 2048  # pushes, of each kind of physics
+FEW: Final = 512  # of a history whose curves are kept
 
 Curves = Float[ndarray, "M G K"]  # logarithm of the density of each push at each place and factor
 

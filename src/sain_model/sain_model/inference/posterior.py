@@ -9,9 +9,11 @@ of them each episode has a value of its own. The recordings of a laboratory are 
 episodes.
 """
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from hashlib import sha256
 from typing import Final, Self
 
 import numpy as np
@@ -314,16 +316,20 @@ def _sums(values: Float[ndarray, "C *V"], together: bool) -> Float[ndarray, "R *
 SLOPES: Final = 8  # pushes whose slopes are computed anew after each push
 MOVED: Final = 0.05  # [spreads], of parameters, after which slopes are others
 UNCERTAIN: Final = 3  # first pushes: there the grid may have the better start
-KEPT: Final = 256  # episodes
+GROWING: Final = [int(4 * 1.1**power) for power in range(100)]
+# Numbers of pushes that later steps start from: a step may take several pushes of a long history.
+COUNTS: Final = sorted({*range(1, 33), *GROWING})
+ANEW: Final = frozenset(GROWING[::4])  # there a fit from the grid is tried: a body may have changed
+STEPS: Final = 3  # of such a fit
+KEPT: Final = 64  # latest histories: of 500 pushes of two bodies, 32 MB
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
     """The most likely parameters of an episode after its first P pushes.
 
-    After each push there is one step from those before it. Slopes of a push that was seen long ago
-    stay as they were, unless the parameters have moved the most since then: so a step costs the
-    same after any number of pushes.
+    There is one step from those of the largest smaller number of `COUNTS`. Slopes of a push that
+    was seen long ago stay as they were, unless the parameters have moved the most since then.
     """
 
     place: Float[ndarray, "D"]  # the vector z
@@ -340,22 +346,27 @@ class Trace:
         return cls(np.zeros(size), slopes, np.empty((0, size)), kind.covariance, 0.0)
 
     def then(self, kind: Kind, pushes: ObservedPushes, start: Float[ndarray, "D"]) -> Self:
-        """Return what is believed after one more push, the last of these.
+        """Return what is believed after all of these pushes, of which the first are known.
 
         `start` is what a grid shows of its parameters; others are 0 there.
         """
         places, parts, nothing = self.place[None].copy(), [pushes], np.zeros(1, np.int64)
-        totals = _totals(kind, parts, places, together=False)
+        totals, other = _totals(kind, parts, places, together=False), None
+        new = len(pushes) - len(self.at)
+        renewed = new + SLOPES - 1
         if len(pushes) <= UNCERTAIN:
             on_grid = np.array([name in kind.on_grid for name in kind.names])
             other = np.where(on_grid, start, self.place)[None]
+        elif len(pushes) in ANEW:
+            other, renewed = fit(kind, parts, start[None], STEPS).places, len(pushes)
+        if other is not None:
             there = _totals(kind, parts, other, together=False)
             if _best(kind, there)[0] > _best(kind, totals)[0]:
                 places, totals = other, there
-        slopes = np.concatenate([self.slopes, np.zeros((1, *self.slopes.shape[1:]))])
-        at = np.concatenate([self.at, np.full((1, len(self.place)), np.inf)])
+        slopes = np.concatenate([self.slopes, np.zeros((new, *self.slopes.shape[1:]))])
+        at = np.concatenate([self.at, np.full((new, len(self.place)), np.inf)])
         far = np.abs(at - places).max(axis=1)
-        anew = np.argsort(-far, kind="stable")[:SLOPES]
+        anew = np.argsort(-far, kind="stable")[:renewed]
         anew = anew[far[anew] > MOVED]
         slopes[anew] = slopes_of(kind, pushes.select(anew), np.repeat(places, len(anew), axis=0))[1]
         at[anew] = places
@@ -384,28 +395,30 @@ def traces(kind: Kind, pushes: ObservedPushes, known: Known) -> list[Trace]:
     """
     pushes = replace(pushes, episode=np.zeros(len(pushes), np.int64))
     curves, rows = curves_of(kind, pushes), np.split(known.push, np.cumsum(known.counts)[:-1])
-    found = [Trace.before(kind, pushes.disks)] * len(rows)
-    trace, done = found[0], rows[0][:0]
+    before, chain = Trace.before(kind, pushes.disks), list[tuple[Indices, Trace]]()
+    found = [before] * len(rows)
     for number in sorted(range(len(rows)), key=lambda row: rows[row].tolist()):
         row = rows[number]
-        if len(done) == 0 or not np.array_equal(done, row[: len(done)]):
-            trace, done = Trace.before(kind, pushes.disks), row[:0]
-            for some in (row, row[:-1]):
-                if kept := _place_of(kind, pushes.bodies, _key(pushes, some)):
-                    trace, done = kept[0], some
-                    break
-        for count in range(len(done) + 1, len(row) + 1):
-            some = row[:count]
+        steps = [row[:count] for count in (*COUNTS[: bisect_left(COUNTS, len(row))], len(row))]
+        while chain and not any(np.array_equal(chain[-1][0], some) for some in steps):
+            chain.pop()
+        for some in steps[:-3:-1] if not chain else ():
+            if kept := _place_of(kind, pushes.bodies, _key(pushes, some)):
+                chain = [(some, kept[0])]
+                break
+        for some in steps[sum(len(some) <= len(chain[-1][0]) for some in steps) if chain else 0 :]:
             start = marginals(kind, curves[some].sum(axis=0)[None]).places[0]
-            trace = trace.then(kind, pushes.select(some), start)
-        found[number], done = trace, row
-    if len(rows) == 1:
-        _place_of(kind, pushes.bodies, _key(pushes, rows[0])).append(trace)
+            last = chain[-1][1] if chain else before
+            chain.append((some, last.then(kind, pushes.select(some), start)))
+        found[number] = chain[-1][1]
+    for some, trace in chain[-2:] if len(rows) == 1 else ():
+        _place_of(kind, pushes.bodies, _key(pushes, some))[:] = [trace]
     return found
 
 
 def _key(pushes: ObservedPushes, rows: Indices) -> bytes:
-    return b"".join(column[rows].tobytes() for column in pushes.seen)
+    text = repr((len(rows), pushes.disks, pushes.noise is None, list(pushes.given or ()))).encode()
+    return sha256(text + b"".join(column[rows].tobytes() for column in pushes.seen)).digest()
 
 
 @lru_cache(KEPT)
