@@ -31,7 +31,7 @@ LEARNED: Final = {  # name of a data set: episodes, options of `collect`
     "measured": (350, f"{MUJOCO} --world measured --labs 1000 {SHAPES} {SEEN}"),
 }
 FRESH: Final = {  # what it has not learned from: seeds, labs and, but for disks, shapes
-    name: (40, how.replace(SEEN, ",".join(UNSEEN)).replace("--labs", "--lab 5000 --labs"))
+    name: (40, how.replace(SEEN, ",".join(UNSEEN)).replace("--labs", "--lab 7000 --labs"))
     for name, (_, how) in LEARNED.items()
 }
 TRAINING: Final = (
@@ -50,7 +50,7 @@ def main() -> None:
     out = arguments.out
     for step in arguments.steps:
         if step == "collect":
-            for kind, seed, sets in (("learned", 100, LEARNED), ("fresh", 200, FRESH)):
+            for kind, seed, sets in (("learned", 100, LEARNED), ("fresh", 300, FRESH)):
                 for number, (name, (episodes, how)) in enumerate(sets.items(), seed):
                     collect(out / kind / name, episodes, number, how)
         elif step == "train":
