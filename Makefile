@@ -68,7 +68,6 @@ table: ## results/results.md and its picture: scenarios in Bullet, its rough wor
 	$(call evaluate,bullet/shapes,$(POSES) shapes --scenes 110 --seed 507000 $(SAIN))
 	$(call evaluate,bullet/shapes_indirect,$(POSES) shapes_indirect --scenes 40 --seed 508000 $(SAIN))
 	$(call evaluate,bullet/blocked,$(POSES) blocked --scenes 40 --seed 509000 $(SAIN))
-	$(call evaluate,bullet/rearrange_4,$(POSES) rearrange_4 --scenes 20 --seed 510000 $(SAIN))
 	$(call evaluate,rough/anywhere,--world rough $(PLACES) anywhere --scenes 100 --seed 505000 $(BOTH))
 	$(call evaluate,mujoco/anywhere,$(MUJOCO) $(PLACES) anywhere --scenes 300 --seed 420000 $(BOTH))
 	$(call evaluate,mujoco/push_t,$(MUJOCO) $(POSES) push_t --scenes 100 --seed 504000 $(BOTH))
