@@ -75,7 +75,8 @@ def main() -> None:
     for place, (names, label, colour) in enumerate(SERIES):
         some = [one for one in results if one.model in names]
         heights = np.array([rows.index(one.row) for one in some]) + 0.16 * (place - 1.5)
-        draw_series(solved, pushes, some, heights, label, colour)
+        if some:
+            draw_series(solved, pushes, some, heights, label, colour)
     solved.set_yticks(range(len(rows)), rows, fontsize=TEXT)
     solved.set_ylim(len(rows) - 0.5, -0.5)
     pushes.set_xlim(left=0.0)
