@@ -23,6 +23,7 @@ def shown(**values):
 def test_before_any_push_the_textbook_is_believed():
     mean, covariance = Population.before(KIND).belief(Pair("a", "b"))
     np.testing.assert_array_equal(mean, 0.0)
+    assert not Population.of(KIND, {}).shown
     np.testing.assert_allclose(covariance, KIND.covariance, atol=1e-12)
     assert all(sum(shares) == pytest.approx(1.0) for shares in PARTS.values())
 

@@ -74,6 +74,8 @@ class Population:
         For other bodies, what they show beside the belief before any push counts: a fit with a
         belief from the same pushes would make extreme values more extreme.
         """
+        if not pushes:
+            return cls.before(kind)
         first = cls.before(kind)._fitted(pushes).learned()
         again = first._fitted(pushes).shown
         shown = {pair: one._replace(place=again[pair].place) for pair, one in first.shown.items()}
