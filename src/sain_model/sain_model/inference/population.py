@@ -65,7 +65,7 @@ class Population:
     def before(cls, kind: Kind) -> Self:
         """Return what is believed before any push."""
         shares = [PARTS.get(one.name, PARTS[one.scope]) for one in kind.parameters]
-        return cls(kind, np.array(shares).T * kind.deviations**2)
+        return cls(kind, np.reshape(shares, (len(shares), 4)).T * kind.deviations**2)
 
     @classmethod
     def of(cls, kind: Kind, pushes: Mapping[Pair, Parts]) -> Self:

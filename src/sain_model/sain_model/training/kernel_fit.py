@@ -42,6 +42,7 @@ OF_TOOL: Final = (9, 10, 11, 15, 16, 17, 20, 21, 22, 24, 25, 28, 29, 30)  # gaps
 OF_TOOL_SCALE: Final = 1.1
 
 Matrix = Float[ndarray, "M K"]
+Covariances = Float[ndarray, "M M"]
 
 
 def fit_kernel(
@@ -94,14 +95,14 @@ def _folds(episodes: ndarray, seed: int) -> ndarray:
     return np.asarray((generator(seed, "folds").permutation(len(names)) % FOLDS)[place])
 
 
-def _kernel(rows: Matrix) -> Matrix:
+def _kernel(rows: Matrix) -> Covariances:
     squares = (rows**2).sum(axis=1)
     apart = np.maximum(squares[:, None] + squares - 2.0 * rows @ rows.T, 0.0)
     root = np.sqrt(3.0 * apart)
     return np.asarray((1.0 + root) * np.exp(-root))
 
 
-def _solve(near: Matrix, wanted: Matrix, ratio: float) -> Matrix:
+def _solve(near: Covariances, wanted: Matrix, ratio: float) -> Matrix:
     """Return the outputs of centres: of ridge regression with Student's t, by reweighting."""
     outputs, weight = np.zeros_like(wanted), np.ones(len(wanted))
     if np.isinf(ratio):
@@ -114,7 +115,7 @@ def _solve(near: Matrix, wanted: Matrix, ratio: float) -> Matrix:
     return outputs
 
 
-def _crossed(near: Matrix, wanted: Matrix, fold: ndarray, ratio: float) -> Matrix:
+def _crossed(near: Covariances, wanted: Matrix, fold: ndarray, ratio: float) -> Matrix:
     """Return predictions of each fold by a kernel on the others."""
     predicted = np.zeros_like(wanted)
     for number in np.unique(fold):
