@@ -18,7 +18,6 @@ from sain_model.physics.planar import PlanarPrior
 ENTRIES = (
     push_kernels.push_bodies_block,
     network_kernels.correct_block,
-    network_kernels.roll_out_block,
     feature_kernels.write_block,
 )
 

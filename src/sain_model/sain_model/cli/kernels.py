@@ -27,12 +27,10 @@ STROKES: Final = as_strokes(SCENES, PUSHES, PushLimits())
 
 
 def run_pushes() -> None:
-    """Run what pushes bodies, then what rolls out: by then the other chain has its network."""
-    from sain_model.dynamics.priors import load_planar
+    """Run what pushes bodies."""
     from sain_model.physics.planar import PlanarPrior
 
     PlanarPrior().step(SCENES, STROKES)
-    load_planar().rollout(SCENES[0], PUSHES[:, None])
 
 
 def run_network() -> None:

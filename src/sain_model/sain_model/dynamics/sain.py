@@ -17,15 +17,15 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.model import Model, Radii, scenes_before
-from sain_core.push import LENGTH, is_stroke, pushed_bodies
-from sain_core.scene import MASS, POSITION
+from sain_core.push import LENGTH, pushed_bodies
+from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
-from sain_model.compute.threads import even_blocks, run_blocks
+from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.memory import Memory
 from sain_model.inference.evidence import (
@@ -40,9 +40,9 @@ from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, corrected_belie
 from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
-from sain_model.network.network_kernels import PackedWeights, correct_block, roll_out_block
-from sain_model.network.settings import EARLIER, IDENTITY, WORLD_FRAME, NetworkConfig
-from sain_model.network.weights import NetworkWeights, untrained
+from sain_model.network.network_kernels import PackedWeights, correct_block
+from sain_model.network.settings import EARLIER, IDENTITY, WORLD_FRAME
+from sain_model.network.weights import NetworkWeights
 from sain_model.physics.parameters import Values, with_mass_ratio
 from sain_model.physics.planar import PlanarPrior, step_knowing
 
@@ -133,19 +133,6 @@ class ResidualNetwork:
             return prediction
         long = elongations(bodies.fitted(scenes.shape[1]))
         return self.intervals.about(prediction, scenes, pushed_bodies(pushes), long)
-
-
-class NoNetwork(ResidualNetwork):
-    """No network, for kernels: it has no members."""
-
-    @cached_property
-    def packed(self) -> PackedWeights:
-        """Weights of no member."""
-        packed = self.weights.pack()
-        return packed._replace(relation=packed.relation[:0], dynamics=packed.dynamics[:0])
-
-
-NO_NETWORK: Final = NoNetwork(untrained(NetworkConfig()))
 
 
 # --- the model ------------------------------------------------------------------------------------
@@ -289,35 +276,6 @@ class SainDynamics(Model):
         """
         physics_next = step_knowing(self.physics, scenes, pushes, values)
         return self.correct(scenes, pushes, physics_next, values)
-
-    def rollout(self, scene: Scene, pushes: PushSequences) -> PredictedScenes:
-        """Predict scenes (K, H, N, 8) for push sequences (K, H, A), as `step` does, to the bit.
-
-        What a push does to a disk depends on no heading. So where bodies are disks, all pushes are
-        prepared at once, and compiled code rolls them out.
-        """
-        physics, bodies = self.physics, self.bodies.fitted(len(scene))
-        disks = bodies.all_round and not bodies.fixed and not is_stroke(pushes)
-        recalls = self.now.memories[0] is not None  # depends on headings
-        if recalls or not (disks and isinstance(physics, PlanarPrior)):
-            return super().rollout(scene, pushes)
-        centred, flat = scene.copy(), pushes.reshape(-1, pushes.shape[-1])
-        centred[:, POSITION] *= 0.0  # what is not finite stays so
-        scenes = np.broadcast_to(centred, (len(flat), *scene.shape))
-        ways, *numbers = physics.prepare(scenes, flat, {})
-        frames, lead = push_frames(scenes, flat, bodies), pushes.shape[:2]
-        network = self.network if self.network is not None and self.corrects else NO_NETWORK
-        ratio, believed = self._seen_now
-        config, predicted = network.weights.config, np.empty((*lead, *scene.shape))
-        seen, places = network_beliefs(config, believed, len(scene)), config.features == WORLD_FRAME
-        given = (
-            plain(scene), with_mass_ratio(scene[None], ratio)[0, :, MASS].copy(),
-            ways.reshape(*lead, -1), frames.reshape(*lead, -1), predicted, plain(seen),
-            tuple(numbers), outline_table(bodies), places, network.packed,
-        )  # fmt: skip
-        size = even_blocks(len(pushes), LANES, 1)
-        run_blocks(lambda first: roll_out_block(first, first + size, *given), len(pushes), size)
-        return predicted
 
     def correct(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, values: Values | None = None

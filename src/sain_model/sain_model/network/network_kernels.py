@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sain_core.push import BODY, LENGTH, LOCATION, START_X, START_Y
-from sain_core.scene import MASS, THETA, X, Y
+from sain_core.push import LENGTH, LOCATION
+from sain_core.scene import THETA, X, Y
 from sain_model.compute.compiling import (
     callable_kernel,
     compiled,
@@ -28,8 +28,6 @@ from sain_model.network.feature_kernels import (
     wrap,
     write_lane,
 )
-from sain_model.physics.body_kernels import make_workspace
-from sain_model.physics.push_kernels import push_bodies
 
 # A kernel's corrections are shares of the error that its physics makes, which grows with the way.
 LEAST_ERROR = np.float32(0.0008)  # [m]
@@ -279,58 +277,3 @@ def correct_block(first, scenes, strokes, physics_next, believed, table, places,
     for index in range(first, last):
         if strokes[index, LENGTH] != 0.0:
             apply(strokes[index], work.residual, index - first, physics_next[index])
-
-
-@callable_kernel
-def roll_out_block(
-    first, last, scene, masses, ways, strokes, predicted, believed, numbers, table, places, weights
-):
-    """Predict sequences of pushes against disks, from the one numbered `first` to before `last`.
-
-    Physics and network take turns, push by push, with no Python in between. There are at most
-    `LANES` sequences.
-
-    Args:
-        first: number of the first one.
-        last: number of the one behind the last one; there may be fewer.
-        scene: that they begin from (N, 8).
-        masses: as the network sees them (N,).
-        ways: of the tool (K, H, 5), as `push_bodies_block` takes them, about the pushed disk.
-        strokes: as `write_lane` takes them (K, H, 8), about the pushed disk.
-        predicted: the scene after each push (K, H, N, 8), written here.
-        believed: see `correct_block`; (1, N, P).
-        numbers: what `PlanarPrior.prepare` returns of bodies and pushes.
-        table: outlines of the bodies.
-        places: see `correct_block`.
-        weights: of the network; without members physics alone predicts.
-    """
-    bodies, physics, own = numbers
-    count, corrects = scene.shape[0], weights.relation.shape[0] > 0
-    physics_work, work = make_workspace(bodies), _work_of(weights, count, table)
-    before, way, stroke = np.empty_like(scene), np.empty(ways.shape[2]), np.empty(strokes.shape[2])
-    moving = np.empty(LANES, np.int64)
-    for step in range(predicted.shape[1]):
-        lanes = 0
-        for index in range(first, min(last, predicted.shape[0])):
-            after = predicted[index, step]
-            before[:] = predicted[index, step - 1] if step > 0 else scene
-            after[:] = before
-            if strokes[index, step, LENGTH] == 0.0:
-                continue
-            way[:], stroke[:] = ways[index, step], strokes[index, step]
-            pushed = int(stroke[BODY])
-            x, y = before[pushed, X], before[pushed, Y]
-            way[0], way[1] = x + way[0], y + way[1]
-            stroke[START_X], stroke[START_Y] = x + stroke[START_X], y + stroke[START_Y]
-            if way[3] > 0.0:
-                push_bodies(after, pushed, way, bodies, physics[0], own[0], physics_work)
-            if corrects:
-                before[:, MASS] = masses
-                write_lane(before, stroke, after, believed[0], table, lanes, places, work)
-            moving[lanes] = index
-            lanes += 1
-        if corrects:
-            find_residuals(weights, work, lanes)
-            for lane in range(lanes):
-                index = moving[lane]
-                apply(strokes[index, step], work.residual, lane, predicted[index, step])
