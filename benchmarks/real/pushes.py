@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from sain_core.errors import DatasetError
 from sain_core.output import claim_folder
 from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
-from sain_core.scene import POSE, RADIUS, THETA, unit, wrap_angle
+from sain_core.scene import POSE, RADIUS, THETA, turned, unit, wrap_angle
 from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
 from sain_model.data.dataset import Dataset, Part, load_dataset
@@ -146,13 +146,6 @@ class PushTable:
         """Return the poses that moves (M, 3) in the frames of the bodies lead to."""
         place = self.before[:, :2] + turned(moves[:, :2], self.before[:, 2])
         return np.column_stack([place, wrap_angle(self.before[:, 2] + moves[:, 2])])
-
-
-def turned(vectors: Points, angles: Angles) -> Points:
-    """Turn vectors (M, 2) by angles (M,) [rad]."""
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y = vectors.T
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
 def push_table(data: Dataset) -> PushTable:

@@ -7,12 +7,11 @@ import torch
 
 from sain_core.model import Model
 from sain_core.push import BODY, LENGTH, LOCATION, SPEED, PushLimits
-from sain_core.scene import MASS, POSITION, THETA, make_scene, unit, wrap_angle
+from sain_core.scene import MASS, POSITION, THETA, make_scene, turned, unit, wrap_angle
 from sain_core.types import Pushes, Scenes
 from sain_model.data.dataset import Part, Split
 from sain_model.dynamics.load import ModelCard, card_path, parse_card
 from sain_model.inference.kinds import friction_kind
-from sain_model.network.features import turn
 from sain_model.network.interaction_network import InteractionNetwork, new_network
 from sain_model.network.settings import NetworkConfig
 from sain_model.physics.planar import PlanarPrior
@@ -40,7 +39,7 @@ def random_network(scale: float, seed: int = 0, **size: object) -> InteractionNe
 def apply_residual(physics: Scenes, frames: Pushes, residual: np.ndarray) -> Scenes:
     """Return predictions corrected by residuals (B, N, 3) that are given in the push frame."""
     corrected = physics.copy()
-    corrected[..., POSITION] += turn(residual[..., :2], frames[:, LOCATION])
+    corrected[..., POSITION] += turned(residual[..., :2], frames[:, LOCATION, None])
     corrected[..., THETA] = wrap_angle(physics[..., THETA] + residual[..., 2])
     return corrected
 

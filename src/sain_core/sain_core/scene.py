@@ -166,6 +166,13 @@ def unit(angle: Angles) -> Points:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
+def turned(vectors: Points, angles: Angles) -> Points:
+    """Return vectors (..., 2) turned by angles (...) [rad], which may be broadcast."""
+    cos, sin = np.cos(angles), np.sin(angles)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+
+
 def mirror_scenes(scenes: Scenes) -> Scenes:
     """Reflect scenes in the x axis."""
     mirrored = scenes.copy()

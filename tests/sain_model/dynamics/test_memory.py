@@ -5,10 +5,10 @@ import pytest
 
 from sain_core.model import load_dynamics
 from sain_core.push import BODY, LENGTH, make_stroke
-from sain_core.scene import POSITION, RADIUS, THETA, make_scene, unit
+from sain_core.scene import POSITION, RADIUS, THETA, make_scene, turned, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_model.dynamics.memory import Memory, turned
+from sain_model.dynamics.memory import Memory
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.physics.parameters import AXES
 from sain_model.physics.planar import PlanarPrior

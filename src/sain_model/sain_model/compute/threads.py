@@ -36,9 +36,9 @@ def run_blocks(work: Callable[[int], None], total: int, size: int) -> None:
             helper.result()
 
 
-def even_blocks(total: int, most: int, each: int = 4) -> int:
-    """Return a size of blocks, at most `most`, that leaves each thread at least so many."""
-    return max(min(most, -(-total // (each * numba.get_num_threads()))), 1)
+def even_blocks(total: int, most: int) -> int:
+    """Return a size of blocks, at most `most`, that keeps all threads busy to the end."""
+    return max(min(most, -(-total // (4 * numba.get_num_threads()))), 1)
 
 
 @functools.cache

@@ -17,9 +17,9 @@ from numpy import ndarray
 from scipy.special import softmax
 
 from sain_core.push import PushLimits, pushed_bodies, strokes
-from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, turned, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Points, Pushes, Scalars, Scenes
+from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.compute.compiling import callable_kernel, plain
 from sain_model.compute.threads import run_blocks
 from sain_model.inference.evidence import SIZE, TAIL, TURN_ARM, ObservedPushes
@@ -36,16 +36,16 @@ BLOCK: Final = 256  # pushes at a time
 
 @callable_kernel
 def recall(  # type: ignore[no-untyped-def]
-    first, inputs, bodies, ways, known, known_bodies, weights, found
+    first, inputs, bodies, ways, earlier, earlier_bodies, weights, found
 ):
-    """Write what a block of pushes is predicted to be off (B, 3), from known pushes (P)."""
+    """Write what a block of pushes is predicted to be off (B, 3), from earlier pushes (P)."""
     for row in range(first, min(first + BLOCK, len(inputs))):
-        for other in range(len(known)):
-            if known_bodies[other] != bodies[row]:
+        for other in range(len(earlier)):
+            if earlier_bodies[other] != bodies[row]:
                 continue
             apart = 0.0
             for column in range(inputs.shape[1]):
-                apart += (inputs[row, column] - known[other, column]) ** 2
+                apart += (inputs[row, column] - earlier[other, column]) ** 2
             like = ways[row] * np.exp(-0.5 * apart)
             for part in range(3):
                 found[row, part] += like * weights[other, part]
@@ -99,13 +99,13 @@ class Memory:
         return cls(seen, seen.ways[:, None] * weights) if np.any(weights) else None
 
     def correct(self, scenes: Scenes, pushes: Pushes, after: Scenes, bodies: Bodies) -> Scenes:
-        """Return a prediction `after` (B, N, 8) without the known errors of the pushed bodies."""
+        """Return a prediction `after` (B, N, 8) without the errors that like pushes had."""
         new, found = Seen.of(scenes, pushes, after, bodies), np.zeros((len(pushes), 3))
-        known = plain(self.seen.inputs), self.seen.body, plain(self.weights)
+        earlier = plain(self.seen.inputs), self.seen.body, plain(self.weights)
         some = plain(new.inputs), new.body, plain(new.ways)
 
         def work(first: int) -> None:
-            recall(first, *some, *known, found)
+            recall(first, *some, *earlier, found)
 
         run_blocks(work, len(pushes), BLOCK)
         rows, corrected = (np.arange(len(pushes)), new.body), after.copy()
@@ -122,13 +122,6 @@ def errors_of_bodies(pushes: ObservedPushes, after: Scenes) -> Float[ndarray, "M
     before, off = pushes.state[rows], pushes.next_state[rows] - after[rows]
     turn = TURN_ARM * before[:, RADIUS] * wrap_angle(off[:, THETA])
     return np.column_stack([turned(off[:, POSITION], -before[:, THETA]), turn])
-
-
-def turned(vectors: Points, angles: Scalars) -> Points:
-    """Return vectors (M, 2) turned by angles (M,) [rad]."""
-    cos, sin = np.cos(angles), np.sin(angles)
-    x, y = vectors.T
-    return np.column_stack([cos * x - sin * y, sin * x + cos * y])
 
 
 def _kernel(seen: Seen) -> Float[ndarray, "P P"]:

@@ -73,8 +73,7 @@ class ResidualNetwork:
     bottoms: tuple[str, ...] = BOTTOMS
 
     @cached_property
-    def packed(self) -> PackedWeights:
-        """The weights as kernels take them."""
+    def _packed(self) -> PackedWeights:
         compile_visibly()
         return self.weights.pack()
 
@@ -109,7 +108,7 @@ class ResidualNetwork:
             outline_table(bodies.fitted(scenes.shape[1])),
             config.features == WORLD_FRAME,
         )
-        packed = self.packed
+        packed = self._packed
 
         def work(first: int) -> None:
             correct_block(first, *rows, corrected, believed, table, places, packed)

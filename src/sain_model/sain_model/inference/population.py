@@ -92,16 +92,14 @@ class Population:
         self, pair: Pair, own: bool = False
     ) -> tuple[Float[ndarray, "D"], Float[ndarray, "D D"]]:
         """Return mean and covariance of a pair's vector z, from all others and perhaps its own."""
-        others = [one for one in self.shown if own or one != pair]
-        others.sort(key=lambda one: one != pair)
-        pairs = [pair, *(one for one in others if one != pair)]
-        size, first = len(self.kind.names), len(pairs) - len(others)
+        pairs, size = [pair, *(one for one in self.shown if one != pair)], len(self.kind.names)
         prior = np.zeros((len(pairs), size, len(pairs), size))
         for column, covariance in enumerate(self._covariances(pairs)):
             prior[:, column, :, column] = covariance
         information, pull = np.zeros(prior.shape), np.zeros((len(pairs), size))
-        for row, other in enumerate(others, first):
-            information[row, :, row], pull[row] = self.shown[other][1:]
+        for row, one in enumerate(pairs):
+            if one in self.shown and (own or row > 0):
+                information[row, :, row], pull[row] = self.shown[one][1:]
         wide, known = (some.reshape(pull.size, pull.size) for some in (prior, information))
         covariance = np.linalg.solve(np.eye(pull.size) + wide @ known, wide)
         block = covariance[:size, :size]

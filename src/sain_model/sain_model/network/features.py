@@ -24,9 +24,9 @@ from sain_core.push import (
     strokes,
     tip_radii,
 )
-from sain_core.scene import POSITION, THETA, wrap_angle
+from sain_core.scene import POSITION, THETA, turned, wrap_angle
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Angles, Pushes, Scenes
+from sain_core.types import Pushes, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.threads import run_blocks
 from sain_model.network.feature_kernels import (
@@ -190,12 +190,5 @@ def network_inputs(
 def true_residual(next_scenes: Scenes, frames: Strokes, physics_next: Scenes) -> Residual:
     """Return the residual that makes the prediction right."""
     missing = next_scenes[..., POSITION] - physics_next[..., POSITION]
-    turned = wrap_angle(next_scenes[..., THETA] - physics_next[..., THETA])
-    return np.concatenate([turn(missing, -frames[:, LOCATION]), turned[..., None]], axis=-1)
-
-
-def turn(vectors: Float[ndarray, "B N 2"], angle: Angles) -> Float[ndarray, "B N 2"]:
-    """Return vectors turned by an angle (B,) [rad] each."""
-    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    turn = wrap_angle(next_scenes[..., THETA] - physics_next[..., THETA])
+    return np.concatenate([turned(missing, -frames[:, LOCATION, None]), turn[..., None]], axis=-1)

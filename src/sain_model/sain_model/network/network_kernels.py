@@ -16,7 +16,6 @@ from sain_model.compute.compiling import (
     callable_kernel,
     compiled,
     compiled_apart,
-    compiled_with_arrays,
 )
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
@@ -241,14 +240,6 @@ def find_residuals(weights, work, lanes):
         forward(weights, work, lanes)
 
 
-@compiled_with_arrays
-def _work_of(weights, bodies, table):
-    """Return scratch memory for scenes of so many bodies."""
-    inputs = weights.relation_widths[0], weights.dynamics_widths[0]
-    members, message = weights.relation.shape[0], weights.message
-    return make_work(bodies, table.corners.shape[0], *inputs, weights.widest, members, message)
-
-
 @compiled
 def apply(push, residual, lane, scene):
     """Add the residual of a lane to a scene (N, 8) that the prior predicts."""
@@ -267,7 +258,9 @@ def correct_block(first, scenes, strokes, physics_next, believed, table, places,
     `believed` (B, N, P), or (1, N, P) for all, is what the network sees of what is believed of the
     physics; `places`: whether it sees places and headings.
     """
-    work = _work_of(weights, scenes.shape[1], table)
+    inputs = weights.relation_widths[0], weights.dynamics_widths[0]
+    sizes = weights.widest, weights.relation.shape[0], weights.message
+    work = make_work(scenes.shape[1], table.corners.shape[0], *inputs, *sizes)
     last = min(first + LANES, scenes.shape[0])
     for index in range(first, last):
         row = min(index, believed.shape[0] - 1)

@@ -244,31 +244,23 @@ class PlanarPrior(Model):
         stroke that begins inside a body; `OutOfRangeError`: a push that no model may be asked
         about.
         """
-        ways, table, physics, own = self.prepare(scenes, pushes, values or {})
-        after = push_bodies(scenes, ways, pushed_bodies(pushes), table, physics, own)
-        idle = pushes[:, LENGTH] == 0.0
-        after[idle] = scenes[idle]
-        after[..., MASS:] = scenes[..., MASS:]
-        return after
-
-    def prepare(
-        self, scenes: Scenes, pushes: Pushes, values: Values
-    ) -> tuple[Ways, BodyTable, ndarray, ndarray]:
-        """Check what is to be predicted, see `step`; return what the solver reads.
-
-        That are the ways of the tool, the bodies, and numbers of each push, or of one for all.
-        """
         check_batch(scenes, pushes, self.bodies)
+        values = values or {}
         batch, count, _ = scenes.shape
         check_values(values, batch, count)
         config, bodies = self.config, self.bodies.fitted(count)
-        each = bool(values) or is_stroke(pushes)
+        each = bool(values) or is_stroke(pushes)  # has numbers of its own; else one row is for all
         physics, own = rows_of(config, values, batch if each else 1, count)
         limits = _limits(config.tool_radius, config.clearance)
         if is_stroke(pushes):
             check_starts(scenes, pushes, bodies)
             physics["tool_radius"] = tip_radii(pushes, limits)
-        return tool_ways(scenes, pushes, limits, bodies, physics), body_table(bodies), physics, own
+        ways = tool_ways(scenes, pushes, limits, bodies, physics)
+        after = push_bodies(scenes, ways, pushed_bodies(pushes), body_table(bodies), physics, own)
+        idle = pushes[:, LENGTH] == 0.0
+        after[idle] = scenes[idle]
+        after[..., MASS:] = scenes[..., MASS:]
+        return after
 
 
 @lru_cache
