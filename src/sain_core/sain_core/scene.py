@@ -166,7 +166,7 @@ def unit(angle: Angles) -> Points:
     return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
-def turned(vectors: Points, angles: Angles) -> Points:
+def turned(vectors: Float[ndarray, "*#B 2"], angles: Float[ndarray, "*#B"] | float) -> Points:
     """Return vectors (..., 2) turned by angles (...) [rad], which may be broadcast."""
     cos, sin = np.cos(angles), np.sin(angles)
     x, y = vectors[..., 0], vectors[..., 1]
