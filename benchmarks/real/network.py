@@ -20,11 +20,11 @@ from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
 from sain_model.data.dataset import Part, Split
-from sain_model.dynamics.identify import body_names, pushes_of_bodies
+from sain_model.dynamics.identify import body_names, known_bodies, pushes_of_bodies
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics, with_intervals
 from sain_model.evaluation.errors import predict_known
-from sain_model.inference.kinds import friction_kind, only
+from sain_model.inference.kinds import KnownBody, friction_kind, only
 from sain_model.inference.population import Pair, Population
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME
 from sain_model.training.fit import fit
@@ -168,21 +168,35 @@ class OfKnownAndNew:
             model = self.row.trained(self.train, self.physics, known=False).model
             regions = self.regions_of_new(model)
             model = with_intervals(model, regions)
+            bodies = {name: self.recorded(name) for name in np.unique(pushes.surface[~known])}
             for body in np.unique(pushes.body[~known]):
                 rows = np.flatnonzero(pushes.body == body)
-                found = self.of_new(model, regions, body, pushes.select(rows))
+                some = pushes.select(rows)
+                found = self.of_new(model, regions, some, bodies[some.surface[0]])
                 parts.append((rows, found))
         return joined([one for _, one in parts], np.concatenate([rows for rows, _ in parts]))
 
+    def recorded(self, surface: str) -> tuple[KnownBody, ...]:
+        """Return the bodies of the training, as a belief for a surface has them."""
+        assert self.row.on is not None
+        learned = self.row.on.fit(self.train, self.own.select(np.zeros(0, np.int64)))
+        assert isinstance(learned, Physics)
+        return known_bodies(learned.population, self.train.dataset, surface)
+
     def of_new(
-        self, model: SainDynamics, regions: Intervals, body: str, pushes: PushTable
+        self,
+        model: SainDynamics,
+        regions: Intervals,
+        pushes: PushTable,
+        bodies: tuple[KnownBody, ...],
     ) -> Predicted:
         """Predict pushes of a body by a model that is conditioned on its own pushes."""
         (part,) = pushes.dataset.parts
         pair = Pair(pushes.object[0], pushes.surface[0])
         kind = replace(self.physics.population.kind_of(pair, own=False), corrected=True)
-        conditioned = model.believing(only(kind)).with_bodies(part.bodies)
-        own = self.own.select(self.own.body == body)
+        belief = replace(only(kind), bodies=bodies)
+        conditioned = model.believing(belief).with_bodies(part.bodies)
+        own = self.own.select(self.own.body == pushes.body[0])
         for past in own.dataset.parts:
             history = PushHistory(past.state, past.action, past.next_state)
             conditioned = conditioned.condition(history)

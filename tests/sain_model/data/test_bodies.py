@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 
-from sain_core.push import make_stroke
-from sain_core.scene import POSITION, THETA, make_scene, unit
+from sain_core.push import make_stroke, push_direction
+from sain_core.scene import POSITION, THETA, make_scene, turned, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_model.data.dataset import Dataset, Part, Split
@@ -18,10 +19,11 @@ from sain_model.dynamics.identify import (
     with_beliefs,
 )
 from sain_model.dynamics.load import load_checkpoint, save_checkpoint
-from sain_model.dynamics.sain import weights_of
+from sain_model.dynamics.sain import SainDynamics, residual_model, weights_of
 from sain_model.inference.kinds import read_belief, surface_kind, write_belief
 from sain_model.inference.population import Pair
-from sain_model.network.settings import NetworkConfig
+from sain_model.network.interaction_network import InteractionNetwork
+from sain_model.network.settings import PLANAR, NetworkConfig
 from sain_model.training.fit import fit, identified_kind, make_card
 from sain_model.training.settings import TrainingConfig, TrainOptions
 from tests.sain_model.conftest import make_part
@@ -109,3 +111,56 @@ def test_a_belief_of_bodies_is_trained_on_saved_and_conditioned(data, tmp_path):
     np.testing.assert_array_equal(
         conditioned.step(rest.state, rest.action), informed.step(rest.state, rest.action)
     )
+
+
+def bent(part: Part, share: float = 0.2) -> Part:
+    """Return pushes with errors that no parameter explains, the same on all surfaces."""
+    state, after = part.state[:, 0], part.next_state.copy()
+    heading = push_direction(part.action) - state[:, THETA]
+    way = np.linalg.norm((after - part.state)[:, 0, POSITION], axis=1)
+    off = share * way[:, None] * np.column_stack([np.sin(2.0 * heading), np.cos(3.0 * heading)])
+    after[:, 0, POSITION] += turned(off, state[:, THETA])
+    return replace(part, next_state=after)
+
+
+def test_errors_of_a_body_on_one_surface_are_expected_on_another(tmp_path):
+    lab = Dataset((bent(pushed("square", "steel", 60)), pushed("disk", "steel", 30, 2)), sha256="x")
+    path = write_belief(tmp_path / "belief.json", identify_bodies(lab, surface="wood"))
+    kind = replace(surface_kind(), corrected=True)
+    model = residual_model(InteractionNetwork().weights, kind, PLANAR).with_belief(path)
+    assert [body.name for body in model.belief.bodies] == ["disk", "square"]
+    part = bent(pushed("square", "wood", 40, 7))
+    first, rest = part.select(slice(0, 5)), part.select(slice(5, 40))
+    history = PushHistory(first.state, first.action, first.next_state)
+
+    def off(informed: SainDynamics) -> float:
+        after = informed.step(rest.state, rest.action)
+        return float(np.linalg.norm((after - rest.next_state)[..., POSITION], axis=-1).mean())
+
+    forgets = replace(model, belief=replace(model.belief, bodies=()))
+    for informed, other in (
+        (model.with_bodies(part.bodies), forgets.with_bodies(part.bodies)),
+        (
+            model.with_bodies(part.bodies).condition(history),
+            forgets.with_bodies(part.bodies).condition(history),
+        ),
+    ):
+        assert off(informed) < 0.9 * off(other)
+    stranger = model.with_bodies(Bodies.named(["t:flat"]))
+    assert stranger.now.memories[0] is None and not stranger.belief.known(stranger.bodies)
+
+
+def test_how_far_errors_on_two_surfaces_agree_is_inferred():
+    one, same = (
+        bent(pushed("square", name, 60, seed)) for name, seed in (("steel", 1), ("wood", 2))
+    )
+    other = bent(pushed("square", "wood", 60, 2), -0.2)
+    odds = []
+    for second in (same, other):
+        both = {
+            name: np.concatenate([getattr(part, name) for part in (one, second)])
+            for name in (*one.arrays, "surface", "object", "run")
+        }
+        belief = identify_bodies(Dataset((replace(one, **both),), sha256="x"))
+        odds.append(logsumexp(belief.bodies[0].log_odds, axis=0))
+    assert odds[0].argmax() > 1 and odds[1].argmax() == 0

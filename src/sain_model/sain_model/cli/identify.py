@@ -40,6 +40,11 @@ class IdentifyOptions(Config):
         " name; 0: all, or as many as change anything",
         minimum=0,
     )
+    surface: str = option(
+        "",
+        "surface that bodies are pushed on next, as a robot's recordings name it; empty: the one of"
+        " all recordings, or another",
+    )
 
 
 def run(options: IdentifyOptions, console: Console) -> None:
@@ -65,7 +70,7 @@ def run(options: IdentifyOptions, console: Console) -> None:
                 f"--model is {options.model!r}; it is for recordings of a laboratory, and these"
                 " name the pushed bodies (column object): leave it out"
             )
-        _write(options, identify_bodies(data, options.pushes or ENOUGH), console)
+        _write(options, identify_bodies(data, options.pushes or ENOUGH, options.surface), console)
         return
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):

@@ -16,8 +16,9 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError
+from sain_core.shapes.shape import Shape
 from sain_model.data.dataset import Dataset, Part
-from sain_model.dynamics.sain import SainDynamics
+from sain_model.dynamics.sain import SainDynamics, recorded_errors
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -28,11 +29,14 @@ from sain_model.inference.evidence import (
     marginals,
 )
 from sain_model.inference.kinds import (
+    CORRELATIONS,
     FRICTION,
     KEEP,
     NO_AXES,
+    SHARES,
     Belief,
     Kind,
+    KnownBody,
     Places,
     default_belief,
     surface_kind,
@@ -176,6 +180,8 @@ def _difference(pair: Sequence[Fit], column: int) -> tuple[float, float]:
     return float(np.sqrt(variance)), LARGE_FRICTION if max(scatter) < SHARED else 1.0
 
 
+RECALLED: Final = 64  # pushes of a body on a surface that are kept with a belief
+DIGITS: Final = 7  # of metres and radians
 ENOUGH: Final = 250  # pushes of a body that its values are inferred from: more change nothing
 ANOTHER: Final = "another"  # a body or a surface of which nothing was pushed
 UNLIKE: Final = -2.0  # logarithm of the odds that a new body is like the textbook's, not like these
@@ -231,10 +237,53 @@ def infer_bodies(kind: Kind, data: Dataset, most: int = ENOUGH) -> Population:
     return Population.of(kind, pushes_of_bodies(data, most))
 
 
-def another(population: Population) -> Kind:
-    """Return what is believed of a body that was not pushed: on the same surface, if it is one."""
+def next_surface(population: Population) -> str:
+    """Return where bodies are pushed next: on the surface of all pushes, if it is one."""
     surfaces = {pair.surface for pair in population.shown}
-    return population.kind_of(Pair(ANOTHER, surfaces.pop() if len(surfaces) == 1 else ANOTHER))
+    return surfaces.pop() if len(surfaces) == 1 else ANOTHER
+
+
+def another(population: Population, surface: str = "") -> Kind:
+    """Return what is believed of a body that was not pushed, on a surface."""
+    return population.kind_of(Pair(ANOTHER, surface or next_surface(population)))
+
+
+def known_bodies(population: Population, data: Dataset, surface: str) -> tuple[KnownBody, ...]:
+    """Return the bodies of a data set, as they are pushed next, on a surface.
+
+    All of them show how large errors are, and those that were pushed on two surfaces how errors on
+    these are correlated.
+    """
+    pushes = pushes_of_bodies(data, RECALLED)
+    odds, found = np.zeros((len(SHARES), len(CORRELATIONS))), list[KnownBody]()
+    shapes = list[Shape]()
+    for name in sorted({pair.body for pair in pushes}):
+        own = [pair for pair in pushes if pair.body == name]
+        places = [Pair(name, surface), *(pair for pair in own if pair.surface != surface)]
+        z = np.stack([population.place(pair) for pair in places])
+        values = population.kind.values(z)
+        parts = [(places.index(pair), part) for pair in own for part in pushes[pair]]
+        state, action, next_state = (
+            np.concatenate([getattr(part, column).reshape(len(part), -1) for _, part in parts])
+            for column in ("state", "action", "next_state")
+        )
+        shapes.append(parts[0][1].bodies.shapes[0])
+        found.append(
+            KnownBody(
+                name,
+                shapes[-1].name,
+                replace(population.kind_of(places[0]), corrected=True, name=name),
+                state.round(DIGITS),
+                action.round(DIGITS),
+                next_state.round(DIGITS),
+                np.concatenate([np.full(len(part), number) for number, part in parts]),
+                tuple({n: float(v[i]) for n, v in values.items()} for i in range(len(places))),
+                odds,
+            )
+        )
+    for body, shape in zip(found, shapes, strict=True):
+        odds = odds + recorded_errors(body, shape).log_densities
+    return tuple(replace(one, log_odds=odds) for one in found)
 
 
 def with_beliefs(data: Dataset, population: Population) -> Dataset:
@@ -281,21 +330,23 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
     )
 
 
-def identify_bodies(data: Dataset, most: int = ENOUGH) -> Belief:
-    """Return what up to so many pushes of named bodies on surfaces show of another body.
+def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Belief:
+    """Return what up to so many pushes of named bodies on surfaces show, for pushes on a surface.
 
-    It may be unlike them: the textbook's belief stays possible. The card has the values of each of
-    them.
+    Another body may be unlike them: the textbook's belief stays possible. The card has the values
+    of each of them.
     """
     textbook = replace(surface_kind(), corrected=True)
     population = infer_bodies(textbook, data, most)
+    surface = surface or next_surface(population)
     pushes = sum(len(part) for some in pushes_of_bodies(data, most).values() for part in some)
     bodies = {
         str(pair): {name: float(value[0]) for name, value in textbook.values(place[None]).items()}
         for pair, (place, _, _) in population.shown.items()
     }
-    kinds = another(population), replace(textbook, name=NO_AXES, log_odds=UNLIKE)
-    return Belief(kinds, card={"pushes": pushes, "episodes": len(bodies), "bodies": bodies})
+    kinds = another(population, surface), replace(textbook, name=NO_AXES, log_odds=UNLIKE)
+    card = {"pushes": pushes, "episodes": len(bodies), "bodies": bodies}
+    return Belief(kinds, card=card, bodies=known_bodies(population, data, surface))
 
 
 def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:

@@ -7,7 +7,7 @@ adds what the physics leaves, where no earlier pushes contradict.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self
 
@@ -20,14 +20,14 @@ from sain_core.model import Model, Radii, scenes_before
 from sain_core.push import LENGTH, pushed_bodies
 from sain_core.scene import POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.shape import BOTTOMS
+from sain_core.shapes.shape import BOTTOMS, Shape
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
 from sain_model.compute.threads import run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
-from sain_model.dynamics.memory import Memory
+from sain_model.dynamics.memory import Memory, Recorded
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
@@ -36,7 +36,15 @@ from sain_model.inference.evidence import (
     log_density,
     over_factors,
 )
-from sain_model.inference.kinds import MASS_RATIO, Belief, Kind, corrected_belief, only, read_belief
+from sain_model.inference.kinds import (
+    MASS_RATIO,
+    Belief,
+    Kind,
+    KnownBody,
+    corrected_belief,
+    only,
+    read_belief,
+)
 from sain_model.inference.posterior import Posterior, infer
 from sain_model.network.feature_kernels import LANES
 from sain_model.network.features import elongations, network_beliefs, outline_table, push_frames
@@ -335,36 +343,51 @@ class SainDynamics(Model):
     def infer(self, pushes: ObservedPushes, known: Known) -> Posterior:
         """Return what rows say, each of the pushes that it is conditioned on."""
         pushes = pushes.alone
-        posterior = infer(self.belief, pushes, known)
+        belief = self.belief.about(pushes.bodies)
+        posterior = infer(belief, pushes, known)
         trained, of_bodies = (
-            np.array([getattr(kind, name) for kind in self.belief.kinds])[posterior.kind]
+            np.array([getattr(kind, name) for kind in belief.kinds])[posterior.kind]
             for name in ("corrected", "of_bodies")
         )
         knows = self.network is not None and self.network.knows(pushes.bodies)
-        always = all(kind.corrected for kind in self.belief.kinds)
+        always = all(kind.corrected for kind in belief.kinds)
         corrected = trained & knows & (of_bodies | ~posterior.inferred | always)
-        if self.belief.network_log_odds < np.inf:
-            rows = np.flatnonzero(corrected)
-            odds = self._correction_odds(pushes, known.of_rows(rows), posterior.of_rows(rows))
-            corrected[rows] = self.belief.network_log_odds + odds > 0.0
         posterior = replace(posterior, corrected=corrected)
-        return replace(posterior, memories=self._memories(pushes, known, posterior))
+        return posterior if self.network is None else self._judged(pushes, known, posterior)
 
-    def _memories(self, pushes: ObservedPushes, known: Known, posterior: Posterior) -> ndarray:
-        """Return what the pushes of each row show of the errors that are left, (R,).
+    def _judged(self, pushes: ObservedPushes, known: Known, posterior: Posterior) -> Posterior:
+        """Return whether the correction of each row holds, and what errors are left with it."""
+        judges, recorded = self.belief.network_log_odds < np.inf, self._recorded(pushes.bodies)
+        counts, corrected = known.counts, posterior.corrected.copy()
+        shows = (counts > 1) | ((counts > 0) & corrected & judges)
+        rows = np.arange(known.rows) if recorded[0] else np.flatnonzero(shows)
+        some = known.of_rows(rows)
+        each, pairs = rows[some.row], pushes.select(some.push)
+        plain, better = self.step_rows(pairs.state, pairs.action, posterior.of_rows(each))
+        if judges:
+            odds = np.full(known.rows, self.belief.network_log_odds)
+            if len(pairs):
+                densities = (
+                    log_density(errors_of(after, pairs.next_state), pairs.scales(FACTORS))
+                    for after in (better, plain)
+                )
+                more, less = (over_factors(some.gather(density)) for density in densities)
+                odds[rows] += more - less
+            corrected &= odds > 0.0
+        after = np.where(corrected[each, None, None], better, plain)
+        memories, ends = posterior.memories.copy(), np.cumsum(some.counts)
+        for row, first, end in zip(rows, ends - some.counts, ends, strict=True):
+            its, told = slice(first, end), recorded[int(corrected[row])]
+            memories[row] = Memory.of(pairs.select(its), after[its], told)
+        return replace(posterior, corrected=corrected, memories=memories)
 
-        Physics alone has no memories.
-        """
-        memories = posterior.memories.copy()
-        if self.network is None or not known.counts.any():
-            return memories
-        pairs, each = pushes.select(known.push), posterior.of_rows(known.row)
-        after = self.step_rows(pairs.state, pairs.action, each)[1]
-        ends = np.cumsum(known.counts)
-        for row, (count, end) in enumerate(zip(known.counts, ends, strict=True)):
-            some = slice(end - count, end)
-            memories[row] = Memory.of(pairs.select(some), after[some])
-        return memories
+    def _recorded(self, bodies: Bodies) -> list[dict[int, Recorded]]:
+        """Return what recordings show of bodies, by their numbers: of physics, and corrected."""
+        known = self.belief.known(bodies)
+        return [
+            {body: recorded_errors(one, bodies.shapes[body], net) for body, one in known.items()}
+            for net in (None, self.network)
+        ]
 
     def predict_rows(self, scenes: Scenes, pushes: Pushes, rows: Posterior) -> Prediction:
         """Predict push i with what row i says, and say how certain that is; not widened."""
@@ -394,23 +417,6 @@ class SainDynamics(Model):
             batch = scenes[mine], pushes[mine], after[mine]
             after[mine] = memory.correct(*batch, self.bodies)
         return physics_next, after
-
-    def _correction_odds(
-        self, pushes: ObservedPushes, known: Known, posterior: Posterior
-    ) -> Float[ndarray, "R"]:
-        """Return by how much the network explains the pushes of each row better, as a logarithm."""
-        if not known.counts.any() or self.network is None:
-            return np.zeros(known.rows)
-        pairs, each = pushes.select(known.push), posterior.of_rows(known.row)
-        everywhere = replace(each, corrected=np.ones(len(pairs), dtype=bool))
-        with_and_without = self.step_rows(pairs.state, pairs.action, everywhere)
-        plain, better = (
-            over_factors(
-                known.gather(log_density(errors_of(some, pairs.next_state), pairs.scales(FACTORS)))
-            )
-            for some in with_and_without
-        )
-        return np.asarray(better - plain)
 
     def _as_seen(
         self, scenes: Scenes, pushes: Pushes, after: Scenes, rows: Posterior
@@ -463,6 +469,20 @@ def with_intervals(model: SainDynamics, intervals: Intervals) -> SainDynamics:
     """Return a model with regions about its predictions."""
     assert model.network is not None
     return replace(model, network=replace(model.network, intervals=intervals))
+
+
+@lru_cache(64)
+def recorded_errors(
+    known: KnownBody, shape: Shape, network: ResidualNetwork | None = None
+) -> Recorded:
+    """Return what recorded pushes of a body show of the errors of its physics, or of SAIN."""
+    pushes = ObservedPushes(*known.arrays, np.zeros(len(known.surface), np.int64), Bodies((shape,)))
+    after = known.kind.step(pushes.bodies, pushes.state, pushes.action, known.values)
+    if network is not None:
+        values = known.values if network.weights.config.believed else {}
+        seen = PhysicsPrediction(pushes.state, pushes.action, after, pushes.bodies, values)
+        after = network.correct(seen)
+    return Recorded.of(pushes, after, known.surface, known.log_odds)
 
 
 def weights_of(model: SainDynamics) -> NetworkWeights:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
 from sain_core.config import typed_settings
@@ -20,6 +20,7 @@ from sain_core.guarding.documents import read_json
 from sain_core.model import Model
 from sain_core.output import write_json
 from sain_core.provenance import FORMAT, other_format
+from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Pushes, Scalars, Scenes
 from sain_model.physics.parameters import (
@@ -228,6 +229,41 @@ class Kind:
 
 
 @dataclass(frozen=True, eq=False)
+class KnownBody:
+    """A body that was recorded: what is believed of it where it is pushed next, and R pushes.
+
+    Errors are a share of the way, one of `SHARES`. Those on one surface are correlated with those
+    on another, by one of `CORRELATIONS`.
+    """
+
+    name: str  # as its user calls it
+    shape: str  # by which it is found
+    kind: Kind
+    state: Float[ndarray, "R 8"]
+    action: Float[ndarray, "R A"]
+    next_state: Float[ndarray, "R 8"]
+    surface: Int[ndarray, "R"]  # number of the surface of each push; 0: where it is pushed next
+    surfaces: tuple[dict[str, float], ...]  # values of the physics on each, by name
+    log_odds: Float[ndarray, "S C"]  # of each share and correlation, from all recorded bodies
+
+    @property
+    def arrays(self) -> tuple[ndarray, ndarray, ndarray]:
+        """Scenes (R, 1, 8) before, pushes (R, A) and scenes after."""
+        return self.state[:, None], self.action, self.next_state[:, None]
+
+    @property
+    def values(self) -> dict[str, Scalars]:
+        """The values of the physics of each push, (R,) by name."""
+        names = self.surfaces[-1]
+        tables = {name: np.array([one[name] for one in self.surfaces]) for name in names}
+        return {name: table[self.surface] for name, table in tables.items()}
+
+
+SHARES: Final = np.array([0.0, 0.02, 0.04, 0.08, 0.16])  # size of errors, share of the way
+CORRELATIONS: Final = np.array([0.25, 0.5, 0.75, 1.0])
+
+
+@dataclass(frozen=True, eq=False)
 class Belief:
     """What is believed of the physics before an episode's first push."""
 
@@ -235,6 +271,23 @@ class Belief:
     network_log_odds: float = KEEP  # logarithm of the odds that the network's correction holds
     # where this comes from; empty: no laboratory was recorded
     card: dict[str, Any] = field(default_factory=dict)
+    bodies: tuple[KnownBody, ...] = ()
+
+    def known(self, bodies: Bodies) -> dict[int, KnownBody]:
+        """Return which bodies of a scene were recorded, by their numbers: those of one shape."""
+        shapes = [one.shape for one in self.bodies]
+        return {
+            number: self.bodies[shapes.index(shape.name)]
+            for number, shape in enumerate(bodies.shapes)
+            if shapes.count(shape.name) == 1
+        }
+
+    def about(self, bodies: Bodies) -> Self:
+        """Return what is believed of these bodies: of a lone one that was recorded, its own."""
+        known = self.known(bodies)
+        if len(bodies) > 1 or not known:
+            return self
+        return replace(self, kinds=(known[0].kind, *self.kinds))
 
     @property
     def likeliest(self) -> Kind:
@@ -341,6 +394,7 @@ def write_belief(path: Path, belief: Belief) -> Path:
         **belief.card,
         "network_log_odds": belief.network_log_odds,
         "kinds": [written_kind(kind) for kind in belief.kinds],
+        "known": [_written_body(body) for body in belief.bodies],
     }
     return write_json(path, content)
 
@@ -357,6 +411,7 @@ def read_belief(path: Path) -> Belief:
         if wrong := other_format(content.pop("format")):
             raise ValueError(f"it {wrong}")
         kinds = tuple(read_kind(part) for part in content.pop("kinds"))
+        bodies = tuple(_read_body(part) for part in content.pop("known"))
         odds = float(content.pop("network_log_odds"))
         if not any(kind.corrected for kind in kinds):
             raise ValueError("no kind of physics is that of the network")
@@ -366,7 +421,7 @@ def read_belief(path: Path) -> Belief:
         raise CheckpointError(
             f"belief {path} cannot be read: {error}; make it again with: {COMMAND}"
         ) from error
-    return Belief(kinds, odds, card=content)
+    return Belief(kinds, odds, content, bodies)
 
 
 def written_kind(kind: Kind) -> dict[str, Any]:
@@ -409,3 +464,35 @@ def read_kind(part: dict[str, Any]) -> Kind:
     prior = PlanarPrior(config)
     kind = Kind(str(part["name"]), prior, names, covariance, odds, corrected=corrected)
     return replace(kind, of_bodies=of_bodies)
+
+
+ROWS: Final = ("state", "action", "next_state", "surface", "log_odds")  # arrays of a `KnownBody`
+
+
+def _written_body(body: KnownBody) -> dict[str, Any]:
+    """Return a recorded body as JSON has it."""
+    written = {name: getattr(body, name) for name in ("name", "shape", "surfaces")}
+    return {
+        **written,
+        "kind": written_kind(body.kind),
+        **{n: getattr(body, n).tolist() for n in ROWS},
+    }
+
+
+def _read_body(part: dict[str, Any]) -> KnownBody:
+    """Return a body that `_written_body` wrote; raises what damaged values raise."""
+    rows = {name: np.array(part[name]) for name in ROWS}
+    count, size = len(rows["surface"]), len(rows["action"][0])
+    right: dict[str, tuple[int, ...]] = dict.fromkeys(ROWS, (count, STATE_SIZE))
+    right |= {"action": (count, size), "surface": (count,)}
+    right["log_odds"] = len(SHARES), len(CORRELATIONS)
+    for name, array in rows.items():
+        if array.shape != right[name] or not np.isfinite(array).all():
+            raise ValueError(
+                f"{name} of a body has shape {array.shape}; allowed: {right[name]}, finite"
+            )
+    surfaces = tuple({str(n): float(v) for n, v in one.items()} for one in part["surfaces"])
+    if not 0 <= rows["surface"].min() <= rows["surface"].max() < len(surfaces):
+        raise ValueError("a push of a body is on a surface that is not there")
+    kind = replace(read_kind(part["kind"]), corrected=True)
+    return KnownBody(str(part["name"]), str(part["shape"]), kind, **rows, surfaces=surfaces)
