@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from sain_core.push import LENGTH, LOCATION, START_X, START_Y, PushLimits, is_stroke, strokes
+from sain_core.push import LENGTH, LOCATION, SPAN, START, PushLimits, is_stroke, strokes
 from sain_core.scene import POSITION, THETA, VX, VY, unit, wrap_angle
+from sain_core.scene import turned as turned_by
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.types import Points, Pushes, Scenes
 
@@ -39,7 +40,6 @@ def rotate_pushes(pushes: Pushes, angle: float) -> Pushes:
     turned = pushes.copy()
     turned[..., LOCATION] = wrap_angle(pushes[..., LOCATION] + angle)
     if is_stroke(pushes):
-        x, y = pushes[..., START_X], pushes[..., START_Y]
-        turned[..., START_X] = np.cos(angle) * x - np.sin(angle) * y
-        turned[..., START_Y] = np.sin(angle) * x + np.cos(angle) * y
+        for vector in (START, SPAN):
+            turned[..., vector] = turned_by(pushes[..., vector], angle)
     return turned

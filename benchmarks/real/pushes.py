@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from sain_core.errors import DatasetError
 from sain_core.output import claim_folder
-from sain_core.push import LENGTH, SPEED, START, TIP_RADIUS, is_stroke, push_direction
+from sain_core.push import LENGTH, SPAN_X, SPEED, START, TIP_RADIUS, is_stroke, push_direction
 from sain_core.scene import POSE, RADIUS, THETA, turned, unit, wrap_angle
 from sain_core.storage import read_arrays
 from sain_core.types import Angles, Indices, Mask, Points, Scalars
@@ -44,6 +44,7 @@ class PushTable:
         length: of its travel (M,) [m].
         speed: of its travel (M,) [m/s].
         tip: radius of the tool (M,) [m].
+        second: the way to the axis of its second disk [m], and 1 for a bar (M, 3).
         distance: of travel until the tool touches the body (M,) [m]; infinite: it misses.
         normal: heading of the body's inward normal there, in the world (M,) [rad].
         radius: of the body's circumscribed circle (M,) [m].
@@ -63,6 +64,7 @@ class PushTable:
     length: Scalars
     speed: Scalars
     tip: Scalars
+    second: Float[ndarray, "M 3"]
     distance: Scalars
     normal: Angles
     radius: Scalars
@@ -123,9 +125,14 @@ class PushTable:
 
     @cached_property
     def contact(self) -> Points:
-        """Where the tool first touches the body (M, 2) [m]; of a miss the end of its travel."""
+        """Where the tool first touches the body (M, 2) [m]; of a miss the end of its travel.
+
+        That is at its disk which is farther along the normal.
+        """
         gone = np.where(self.touches, self.distance, self.length)
-        middle = self.start + gone[:, None] * unit(self.heading)
+        span = self.second[:, :2]
+        ahead = (span * unit(self.normal)).sum(axis=1) > 0.0
+        middle = self.start + ahead[:, None] * span + gone[:, None] * unit(self.heading)
         return np.asarray(middle + self.tip[:, None] * unit(self.normal))
 
     def in_body(self, vectors: Points) -> Points:
@@ -165,7 +172,7 @@ def _arrays(part: Part) -> dict[str, ndarray]:
     if part.disks != 1 or not is_stroke(part.action):
         raise DatasetError(
             f"a scene has {part.disks} bodies and a push {part.action.shape[1]} numbers; real"
-            " pushes have one body and are strokes of eight numbers: read them with"
+            " pushes have one body and are strokes of eleven numbers: read them with"
             " ros2 run sain_model real_import"
         )
     touch = first_touch(part.state, part.action, part.bodies)
@@ -177,6 +184,7 @@ def _arrays(part: Part) -> dict[str, ndarray]:
         "length": part.action[:, LENGTH],
         "speed": part.action[:, SPEED],
         "tip": part.action[:, TIP_RADIUS],
+        "second": part.action[:, SPAN_X:],
         "distance": touch.distance,
         "normal": touch.normal,
         "radius": part.state[:, 0, RADIUS],

@@ -14,6 +14,7 @@ from sklearn.ensemble import ExtraTreesRegressor
 
 from benchmarks.real.pushes import Names, PushTable
 from benchmarks.real.rows import Predicted, Predictor, Row
+from sain_core.push import SPAN_X
 from sain_core.scene import unit
 from sain_core.shapes.library import get_shape
 from sain_core.types import Points, Scalars
@@ -93,11 +94,14 @@ def contact_features(pushes: PushTable) -> Features:
     contact = 1e3 * pushes.in_body(pushes.contact - pushes.before[:, :2])
     gone = 1e3 * np.minimum(pushes.distance, pushes.length)
     length = 1e3 * pushes.length
+    span = 1e3 * pushes.in_body(pushes.second[:, :2])  # zeros of one disk are of no use to trees
+    some = any(part.action[:, SPAN_X:].any() for part in pushes.data.parts)
+    second = [span, pushes.second[:, 2]] if some else []
     return np.column_stack([
         start, start + length[:, None] * way, way, contact, inward, length, gone,
         (way * inward).sum(axis=1), _across(inward, way),
         _across(contact, way), _across(contact, inward),
-        unit(pushes.before[:, 2]), pushes.speed, pushes.tip,
+        unit(pushes.before[:, 2]), pushes.speed, pushes.tip, *second,
     ])  # fmt: skip
 
 

@@ -12,11 +12,13 @@ L = 0 moves nothing. ``speed`` in [0.01, 0.5] m/s: the tool's on its travel.
 Against any other body, ``location`` names the contact point on its outline
 (`sain_core.shapes.shape`), and ``angle`` is relative to the outline's inward normal there.
 
-A stroke is a push that states itself where the tool goes: eight numbers, for pushes as a robot made
-them. Of any body, ``location + angle`` is the world heading of travel; `make_stroke` sets angle 0.
-Then ``start_x`` and ``start_y`` [m], where the tool's axis begins, and ``tip_radius`` [m]. Steep
-pushes, pushes at corners and pushes that miss are ordinary strokes. Models and data sets take both
-widths; planners, the graph and the simulators take five numbers.
+A stroke is a push that states itself where the tool goes: eleven numbers, for pushes as a robot
+made them. Of any body, ``location + angle`` is the world heading of travel; `make_stroke` sets
+angle 0. Then ``start_x`` and ``start_y`` [m], where the tool's axis begins, and ``tip_radius`` [m].
+A tool may have a second disk: ``span_x`` and ``span_y`` [m] lead to its axis in the world, and are
+0 otherwise. ``bar`` 1 joins the two disks by straight sides, 0 leaves two fingers. The tool does
+not turn. Steep pushes, pushes at corners and pushes that miss are ordinary strokes. Models and data
+sets take both widths; planners, the graph and the simulators take five numbers.
 """
 
 from dataclasses import dataclass, fields
@@ -27,6 +29,7 @@ from secrets import randbits
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from numpy import ndarray
 from numpy.typing import ArrayLike
 
@@ -40,14 +43,16 @@ from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars,
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
 PUSH_SIZE: Final = 5
 PUSH_NAMES: Final = ("body", "location", "angle", "length", "speed")
-START_X, START_Y, TIP_RADIUS = range(PUSH_SIZE, PUSH_SIZE + 3)
-STROKE_SIZE: Final = 8
-STROKE_NAMES: Final = (*PUSH_NAMES, "start_x", "start_y", "tip_radius")
+START_X, START_Y, TIP_RADIUS, SPAN_X, SPAN_Y, BAR = range(PUSH_SIZE, PUSH_SIZE + 6)
+STROKE_SIZE: Final = 11
+STROKE_NAMES: Final = (*PUSH_NAMES, "start_x", "start_y", "tip_radius", "span_x", "span_y", "bar")
 START: Final = slice(START_X, START_Y + 1)
+SPAN: Final = slice(SPAN_X, SPAN_Y + 1)
 PATH: Final = slice(LOCATION, LENGTH + 1)  # where the tool goes: location, angle, length
 DEFAULT_SPEED: Final = 0.2  # [m/s], what every push had before pushes had a speed
 
 TOOL_RADIUS: Final = 0.012  # [m], the cylindrical stick
+MOST_SPAN: Final = 0.5  # [m], between the axes of a tool's two disks
 
 RANDOM_BITS: Final = 32  # of a push id's start
 COUNTER_BITS: Final = 20  # together below 2^53: exact also where numbers are doubles
@@ -139,6 +144,9 @@ def make_push(
     return np.stack(numbers, axis=-1).astype(np.float64)
 
 
+NO_SPAN: Final = np.zeros(2)  # of a tool of one disk
+
+
 def make_stroke(
     start: Points,
     heading: ArrayLike,
@@ -147,14 +155,19 @@ def make_stroke(
     body: ArrayLike = 0,
     speed: ArrayLike = DEFAULT_SPEED,
     tip_radius: ArrayLike = TOOL_RADIUS,
+    span: Points = NO_SPAN,
+    bar: ArrayLike = False,
 ) -> Pushes:
-    """Return strokes (..., 8) from starts (..., 2) [m] in world headings (...,) [rad]."""
-    numbers = body, heading, 0.0, length, speed, start[..., 0], start[..., 1], tip_radius
+    """Return strokes (..., 11) from starts (..., 2) [m] in world headings (...,) [rad]."""
+    numbers = (
+        body, heading, 0.0, length, speed, start[..., 0], start[..., 1], tip_radius,
+        span[..., 0], span[..., 1], bar,
+    )  # fmt: skip
     return np.stack(np.broadcast_arrays(*numbers), axis=-1).astype(np.float64)
 
 
 def is_stroke(pushes: ndarray) -> bool:
-    """Return whether pushes state where the tool goes, in eight numbers, not five."""
+    """Return whether pushes state where the tool goes, in eleven numbers, not five."""
     width = pushes.shape[-1] if pushes.ndim else 0
     if width not in (PUSH_SIZE, STROKE_SIZE):
         raise InvalidInputError(
@@ -168,7 +181,7 @@ def idle_pushes(*shape: int, size: int = PUSH_SIZE) -> Pushes:
     """Return pushes (*shape, size) that move nothing: of body 0, with length 0."""
     pushes = np.zeros((*shape, size))
     pushes[..., SPEED] = DEFAULT_SPEED
-    pushes[..., TIP_RADIUS:] = TOOL_RADIUS
+    pushes[..., TIP_RADIUS:SPAN_X] = TOOL_RADIUS
     return pushes
 
 
@@ -183,16 +196,19 @@ def check_predictable(pushes: Pushes) -> Pushes:
         raise InvalidInputError(f"{_first(pushes, ~finite)}; it must be finite")
     for column, least, most in allowed_ranges(stroke):
         beyond = (pushes[..., column] < least) | (pushes[..., column] > most)
+        if column == BAR:
+            beyond |= pushes[..., column] % 1.0 != 0.0
         if beyond.any():
-            wrong = np.zeros(pushes.shape, dtype=bool)
+            wrong, to = np.zeros(pushes.shape, dtype=bool), "or" if column == BAR else "to"
             wrong[..., column] = beyond
-            raise OutOfRangeError(f"{_first(pushes, wrong)}; allowed: {least:.4g} to {most:.4g}")
+            raise OutOfRangeError(f"{_first(pushes, wrong)}; allowed: {least:.4g} {to} {most:.4g}")
     return pushes
 
 
 @cache
 def allowed_ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
     """Return columns with the smallest and the largest value that any arm's limits may allow."""
+    tools = [(column, -MOST_SPAN, MOST_SPAN) for column in (SPAN_X, SPAN_Y)] + [(BAR, 0.0, 1.0)]
     limits = {item.name: item.metadata for item in fields(PushLimits)}
     slowest, angle = limits["min_speed"]["minimum"], limits["max_angle"]["maximum"]
     tool = limits["tool_radius"]
@@ -200,6 +216,7 @@ def allowed_ranges(stroke: bool) -> tuple[tuple[int, float, float], ...]:
         (TIP_RADIUS, tool["minimum"], tool["maximum"]) if stroke else (ANGLE, -angle, angle),
         (LENGTH, 0.0, limits["max_length"]["maximum"]),
         (SPEED, slowest, limits["max_speed"]["maximum"]),
+        *(tools if stroke else ()),
     )
 
 
@@ -232,8 +249,8 @@ def strokes(
 ) -> tuple[Points, Angles]:
     """Return where the tool's axis stands before it travels, and the world heading of its travel.
 
-    A stroke (..., 8) states both. In any other push (..., 5) of scenes (..., N, 8) it stands at the
-    contact point, moved out along the normal by the tool's radius and the clearance.
+    A stroke (..., 11) states both. In any other push (..., 5) of scenes (..., N, 8) it stands at
+    the contact point, moved out along the normal by the tool's radius and the clearance.
     Places are (..., 2) [m], headings (...,) [rad].
     """
     if is_stroke(pushes):
@@ -269,10 +286,15 @@ def tip_radii(pushes: Pushes, limits: PushLimits) -> Scalars:
     return np.full(pushes.shape[:-1], limits.tool_radius)
 
 
+def second_disks(pushes: Pushes) -> Float[ndarray, "*B 3"]:
+    """Return the last three numbers of strokes: of a tool of one disk, as pushes have it, zeros."""
+    return pushes[..., SPAN_X:] if is_stroke(pushes) else np.zeros((*pushes.shape[:-1], 3))
+
+
 def as_strokes(
     scenes: Scenes, pushes: Pushes, limits: PushLimits, bodies: Bodies = PAPER_DISKS
 ) -> Pushes:
-    """Return pushes (..., 5) as the strokes (..., 8) that move the tool in the same way."""
+    """Return pushes as the strokes (..., 11) that move the tool in the same way."""
     start, heading = strokes(scenes, pushes, limits, bodies)
     return make_stroke(
         start,
@@ -281,6 +303,8 @@ def as_strokes(
         body=pushes[..., BODY],
         speed=pushes[..., SPEED],
         tip_radius=tip_radii(pushes, limits),
+        span=second_disks(pushes)[..., :2],
+        bar=second_disks(pushes)[..., 2],
     )
 
 
@@ -309,7 +333,7 @@ def mirror_pushes(pushes: Pushes) -> Pushes:
     mirrored[..., LOCATION] = wrap_angle(-pushes[..., LOCATION])
     mirrored[..., ANGLE] = -pushes[..., ANGLE]
     if is_stroke(pushes):
-        mirrored[..., START_Y] = -pushes[..., START_Y]
+        mirrored[..., [START_Y, SPAN_Y]] = -pushes[..., [START_Y, SPAN_Y]]
     return mirrored
 
 

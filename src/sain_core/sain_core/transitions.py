@@ -101,7 +101,7 @@ class Column(StrEnum):
              "scene before the push: x, y, theta, vx, vy, omega, mass, radius of each disk")
     ACTION = ("action", (WIDTHS,), "float64", "rad, m, m/s",
               "the push: body, location, angle, length, speed; of a stroke, location + angle is its"
-              " heading, and the tool's start x, y and radius follow")
+              " heading, then the tool's start x, y, radius, x, y to its second disk, and bar")
     PHYSICS_NEXT = ("physics_next", (FLAT,), "float64", "as `state`",
                     "scene after the push as physics predicts it, f_p(s, a)")
     NEXT_STATE = "next_state", (FLAT,), "float64", "as `state`", "scene after the push"
@@ -172,7 +172,7 @@ class Transitions:
     """M pushes as arrays, which have the names of the columns; the first axis counts pushes."""
 
     state: ndarray  # (M, N, 8), settled, before each push
-    action: ndarray  # (M, 5), or strokes (M, 8), as executed
+    action: ndarray  # (M, 5), or strokes (M, 11), as executed
     next_state: ndarray  # (M, N, 8), settled, after each push
 
     def __len__(self) -> int:
@@ -317,7 +317,7 @@ class PushHistory(Transitions):
     ) -> Self:
         """Return the history after one more push, from a scene (N, 8) to the next one.
 
-        A history is of pushes (5,) or of strokes (8,).
+        A history is of pushes (5,) or of strokes (11,).
 
         Masses and radii are those of the scene before. `noise` (N,) [m]: see `PushHistory`.
 

@@ -1,7 +1,7 @@
 """Array shapes used everywhere, named once.
 
 B batch, N bodies, K sampled push sequences, H horizon (pushes in a sequence). A push is five
-numbers, or eight where it is a stroke (`sain_core.push`).
+numbers, or eleven where it is a stroke (`sain_core.push`).
 All arrays at public edges are ``float64``; the network converts inside. Where B is empty,
 numpy gives scalars instead of arrays with no dimensions: they are just as good.
 """
@@ -21,8 +21,8 @@ Scene = Float[ndarray, "N 8"]
 Scenes = Float[ndarray, "*B N 8"]
 States = Float[ndarray, "*B 8"]
 Polygons = Float[ndarray, "*B M 2"]
-PushArray = Float[ndarray, "5"] | Float[ndarray, "8"]
-Pushes = Float[ndarray, "*B 5"] | Float[ndarray, "*B 8"]
+PushArray = Float[ndarray, "5"] | Float[ndarray, "11"]
+Pushes = Float[ndarray, "*B 5"] | Float[ndarray, "*B 11"]
 PushSequences = Float[ndarray, "K H 5"]
 PredictedScenes = Float[ndarray, "K H N 8"]
 Points = Float[ndarray, "*B 2"]

@@ -32,5 +32,5 @@ def test_the_page_s_commands_run(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     assert "9 pushes of 1 bodies; surfaces: steel 9" in printed
     data = load_dataset(Path("data/lab")).alike
-    assert data.action.shape == (9, 8)
+    assert data.action.shape == (9, 11)
     assert Path("runs/lab/sain.safetensors").exists()

@@ -14,6 +14,7 @@ from rich.console import Console
 from scipy.io import loadmat, savemat
 
 from sain_core.errors import DatasetError, OutputError
+from sain_core.push import STROKE_SIZE
 from sain_core.scene import POSE, wrap_angle
 from sain_core.shapes import library
 from sain_core.shapes.outlines import OUTLINES_FILE
@@ -71,7 +72,7 @@ def test_all_forms_become_the_same_rows(rows, tmp_path):
         stored = read_arrays(tmp_path / name / "shard-00000.npz")
         assert list(stored) == list(IMPORTED)
         for column in IMPORTED:
-            assert stored[column].shape == (24, *column.row_shape(1, 8)), column
+            assert stored[column].shape == (24, *column.row_shape(1, STROKE_SIZE)), column
         for column in ("state", "next_state"):
             np.testing.assert_allclose(
                 poses(made[name], column), poses(made["npz"], column), atol=1e-9

@@ -111,6 +111,21 @@ def test_the_frame_is_where_the_tool_first_touches():
     np.testing.assert_allclose(frames[:, ANGLE], [0.3, -up, 0.0, 0.0], atol=1e-12)
 
 
+@pytest.mark.parametrize("centre", [(0.3, 0.0), (-0.2, 0.2)])
+def test_a_disk_with_its_mass_off_the_middle_is_pushed_at_its_rim(centre):
+    bodies = bodies_of("disk", "disk")
+    place = np.array([(0.45, 0.0), (0.575, 0.01)])
+    scenes = make_scene(place, np.full(2, 2.0), np.full(2, 0.06), np.array([0.4, -2.0]))[None]
+    start = np.array([(0.37, 0.005)])
+    stroke = make_stroke(start, 0.0, 0.06, speed=0.02, tip_radius=TIP)
+    config = PlanarConfig(centre_x=centre[0], centre_y=centre[1])
+    after = PlanarPrior(config, bodies).step(scenes, stroke)
+    tool = np.linalg.norm(after[0, 0, POSITION] - (start[0] + (0.06, 0.0)))
+    assert abs(tool - 0.06 - TIP) < 1e-4
+    between = np.linalg.norm(after[0, 0, POSITION] - after[0, 1, POSITION])
+    assert abs(between - 0.12) < 1e-4 and after[0, 1, 0] > 0.6
+
+
 @pytest.mark.parametrize("name", ["disk", "l"])
 def test_a_tool_that_begins_inside_a_body_is_refused(name):
     bodies = bodies_of(name, "disk")

@@ -127,6 +127,9 @@ def _report(found: "Recordings", made: "Imported") -> Iterator[str]:
     surfaces = Counter(sorted(pushes.surface.tolist()))
     on = ", ".join(f"{name or 'not stated'} {n:,}" for name, n in surfaces.items())
     yield f"{len(pushes):,} pushes of {len(set(pushes.object.tolist()))} bodies; surfaces: {on}"
+    if two := pushes.span.any(axis=1).sum():
+        bars = pushes.bar.sum()
+        yield f"{two - bars:,} are with two fingers, {bars:,} with a bar"
     for what, one in about["left_out"].items():
         more = ", ..." * (one["pushes"] > len(one["rows"]))
         yield f"{one['pushes']:,} left out: {what} ({', '.join(one['rows'])}{more})"

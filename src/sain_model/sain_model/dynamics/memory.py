@@ -22,7 +22,7 @@ from jaxtyping import Float, Int
 from numpy import ndarray
 from scipy.special import softmax
 
-from sain_core.push import PushLimits, pushed_bodies, strokes
+from sain_core.push import PushLimits, pushed_bodies, second_disks, strokes
 from sain_core.scene import POSITION, RADIUS, THETA, turned, unit, wrap_angle
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Mask, Pushes, Scalars, Scenes
@@ -73,6 +73,7 @@ class Seen:
         before, radius = scenes[rows], scenes[rows][:, RADIUS]
         start, heading = strokes(scenes, pushes, PushLimits(), bodies.fitted(scenes.shape[1]))
         direction = unit(heading - before[:, THETA])
+        start = start + 0.5 * second_disks(pushes)[:, :2]  # the middle of the tool
         away = turned(start - before[:, POSITION], -before[:, THETA]) / radius[:, None]
         offset = direction[:, 0] * away[:, 1] - direction[:, 1] * away[:, 0]
         move = turned(after[rows][:, POSITION] - before[:, POSITION], -before[:, THETA])

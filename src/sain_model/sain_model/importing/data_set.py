@@ -21,8 +21,17 @@ from scipy.spatial import cKDTree
 from sain_core.errors import DatasetError
 from sain_core.output import remove, write_json
 from sain_core.provenance import provenance
-from sain_core.push import START, make_stroke
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, THETA, unit, wrap_angle
+from sain_core.push import SPAN_X, START, make_stroke
+from sain_core.scene import (
+    MASS,
+    OVERLAP_TOLERANCE,
+    POSITION,
+    RADIUS,
+    STATE_SIZE,
+    THETA,
+    unit,
+    wrap_angle,
+)
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.outlines import OUTLINES_FILE, write_outlines
 from sain_core.shapes.shape import FLAT
@@ -52,9 +61,9 @@ NEARLY_ALONG: Final = pi / 180  # [rad], of their headings
 def repeat_groups(pushes: RealPushes) -> Int[ndarray, "M"]:
     """Return the group of each push, from 0 on.
 
-    Two of one body are in one group if their tools went the same way against it, seen from the
-    body, within `NEAR` and `NEARLY_ALONG`; and so on from one to the next. Speed and surface do not
-    matter: they change an outcome by less than what a model could remember of it.
+    Two of one body are in one group if tools of one form went the same way against it, seen from
+    the body, within `NEAR` and `NEARLY_ALONG`; and so on from one to the next. Speed and surface do
+    not matter: they change an outcome by less than what a model could remember of it.
     """
     start = pushes.in_body(pushes.tip_start)
     heading, body = pushes.heading - pushes.before[:, 2], pushes.object
@@ -62,7 +71,9 @@ def repeat_groups(pushes: RealPushes) -> Int[ndarray, "M"]:
     first, second = pairs.T
     near = np.abs(wrap_angle(heading[first] - heading[second])) < NEARLY_ALONG
     near &= np.abs(pushes.length[first] - pushes.length[second]) < NEAR
-    near &= body[first] == body[second]
+    near &= (body[first] == body[second]) & (pushes.bar[first] == pushes.bar[second])
+    other = pushes.in_body(pushes.tip_start + pushes.span)
+    near &= np.linalg.norm(other[first] - other[second], axis=1) < NEAR
     links = coo_matrix((np.ones(near.sum()), pairs[near].T), shape=(len(pushes), len(pushes)))
     labels = connected_components(links, directed=False)[1]
     _, seen, numbered = np.unique(labels, return_index=True, return_inverse=True)
@@ -112,9 +123,12 @@ def import_pushes(
             f" first in {found.pushes.where(int(np.argmax(misses)))}; {REMEDY}"
         )
     end = strokes.copy()
-    end[:, START] = found.pushes.tip_end
+    end[:, START] = found.pushes.first_disk(found.pushes.tip_end)
     sunk = -_touches(found, bodies, after, end).gap
-    faults = faults_of(found.pushes, state, after, touch, sunk)
+    first = strokes.copy()
+    first[:, SPAN_X:] = 0.0
+    one = _touches(found, bodies, state, first).inside
+    faults = faults_of(found.pushes, state, after, touch, sunk, one)
     left_out = _left_out(found.pushes, faults, skip_bad)
     keep = ~np.any([fault.rows for fault in faults], axis=0)
     found, misses = found.select(keep), misses[keep]
@@ -155,6 +169,7 @@ REMEDY: Final = (
 )
 UNTOUCHED: Final = 0.005  # [m], which measured poses of a body at rest are not apart
 UNTURNED: Final = 0.1  # [rad], likewise
+MOST_TOOL_TURN: Final = 0.002  # [m], of the difference of two fingers' ways
 FASTER: Final = 2.0  # than the tool no place of a pushed body is
 SMOOTH: Final = 0.1  # friction with a smooth table, on which a body slides on after a fast push
 SINKS: Final = 0.3  # [radii], of the tool's axis into an outline that is roughly right
@@ -173,15 +188,27 @@ class Fault(NamedTuple):
 
 
 def faults_of(
-    pushes: RealPushes, state: Scenes, after: Scenes, touch: FirstTouch, sunk: Scalars
+    pushes: RealPushes, state: Scenes, after: Scenes, touch: FirstTouch, sunk: Scalars, first: Mask
 ) -> list[Fault]:
-    """Return what cannot be in pushes; `sunk` is how deep tools end in bodies (M,) [m]."""
+    """Return what cannot be in pushes.
+
+    `sunk` is how deep tools end in bodies (M,) [m], `first` which first disks begin in them (M,).
+    """
     moved = np.linalg.norm((after - state)[:, 0, POSITION], axis=1)
     turned = np.abs(wrap_angle(after[:, 0, THETA] - state[:, 0, THETA]))
     pushed = np.clip(pushes.length - touch.distance, 0.0, None)
     most = FASTER * pushed + UNTOUCHED + pushes.speed**2 / (2.0 * SMOOTH * GRAVITY)
     most_turn = most / (LEVER * state[:, 0, RADIUS]) + UNTURNED
     still = (moved <= UNTOUCHED) & (turned <= UNTURNED)
+
+    def begins(row: int) -> str:
+        what = "bar" if pushes.bar[row] else "tool"
+        if pushes.span[row].any() and not (pushes.bar[row] or first[row]):
+            what = "second finger"
+        return (
+            f"the {what} begins {-1e3 * touch.gap[row]:.1f} mm inside the body;"
+            f" allowed: up to {1e3 * OVERLAP_TOLERANCE:g} mm"
+        )
 
     def motion(row: int) -> str:
         return (
@@ -195,7 +222,15 @@ def faults_of(
         Fault(
             "the tool begins inside the body",
             touch.inside,
-            lambda row: f"the tool begins {-1e3 * touch.gap[row]:.1f} mm inside the body",
+            begins,
+        ),
+        Fault(
+            "the tool turns",
+            pushes.turn > MOST_TOOL_TURN,
+            lambda row: (
+                f"the second finger's way differs by {1e3 * pushes.turn[row]:.1f} mm from the"
+                f" first one's: the tool turns; allowed: up to {1e3 * MOST_TOOL_TURN:g} mm"
+            ),
         ),
         Fault(
             "the body moves, and the tool never touches it",
@@ -264,7 +299,7 @@ def _check_radians(
 
 
 def _scenes(found: Recordings, mass: float) -> tuple[Scenes, Scenes, Pushes]:
-    """Return scenes (M, 1, 8) before and after, and strokes (M, 8)."""
+    """Return scenes (M, 1, 8) before and after, and strokes (M, 11)."""
     pushes = found.pushes
     own = [found.bodies[key] for key in found.keys]
     radius, centre = np.array([body.radius for body in own]), np.array([b.centre for b in own])
@@ -279,11 +314,13 @@ def _scenes(found: Recordings, mass: float) -> tuple[Scenes, Scenes, Pushes]:
         states[:, 0, MASS], states[:, 0, RADIUS] = known, radius
         scenes.append(states)
     strokes = make_stroke(
-        pushes.tip_start,
+        pushes.first_disk(pushes.tip_start),
         pushes.heading,
         pushes.length,
         speed=pushes.speed,
         tip_radius=pushes.tip_radius,
+        span=pushes.axes,
+        bar=pushes.bar,
     )
     return scenes[0], scenes[1], strokes
 

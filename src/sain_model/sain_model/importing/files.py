@@ -21,6 +21,7 @@ from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
 from sain_core.guarding.kinds import describe
 from sain_core.guarding.plugins import nearest
 from sain_core.guarding.untrusted import read_regular_text
+from sain_core.scene import unit
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
 from sain_core.types import Mask
@@ -48,7 +49,18 @@ NUMBERS: Final = {  # columns and their units
     **{n: "rad" if "theta" in n else "m" for names in POSES.values() for n in names},
     "speed": "m/s",
 }
-NOT_STATED: Final = {"tip_radius": "m", "mass": "kg", "radius": "m"}  # may be left empty
+# How a row may state what a tool is besides its one finger: a second finger at the start, and at
+# the end as well; its distance and the heading to it; or a bar, of which the tip is the middle.
+SECOND: Final = ("tip2_x0", "tip2_y0"), ("finger_distance", "finger_angle")
+SECOND_END: Final = ("tip2_x1", "tip2_y1")
+BAR: Final = ("bar_width", "bar_angle")
+TOOLS: Final = (*SECOND, SECOND_END, BAR)
+NOT_STATED: Final = {  # may be left empty
+    "tip_radius": "m",
+    **{n: "rad" if "angle" in n else "m" for names in TOOLS for n in names},
+    "mass": "kg",
+    "radius": "m",
+}
 UNIT_OF: Final = NUMBERS | NOT_STATED
 NEEDED: Final = ("object", *NUMBERS)
 TEXTS: Final = ("surface", "object", "run")
@@ -181,15 +193,15 @@ def _header(path: Path, texts: Sequence[str], degrees: bool) -> Header:
     if missing := [name for name in NEEDED if name not in names]:
         raise DatasetError(f"the header of {path} lacks {', '.join(missing)}; {needs}")
     factors: dict[str, float] = {}
-    for name, unit in stated:
+    for name, own in stated:
         if usual := UNIT_OF.get(name):
-            if unit and unit not in UNITS[usual]:
+            if own and own not in UNITS[usual]:
                 raise DatasetError(
-                    f"the header of {path} has {name} in {unit!r}; allowed:"
+                    f"the header of {path} has {name} in {own!r}; allowed:"
                     f" {', '.join(UNITS[usual])}"
                 )
             plain = "deg" if degrees and usual == "rad" else usual
-            factors[name] = UNITS[usual][unit or plain]
+            factors[name] = UNITS[usual][own or plain]
     return Header(tuple(names), factors, tuple(unused))
 
 
@@ -239,8 +251,42 @@ def _pushes(path: Path, columns: Fields, row: ndarray, factors: Mapping[str, flo
         for name in UNIT_OF
     }
     poses = {key: np.column_stack([numbers.pop(n) for n in names]) for key, names in POSES.items()}
+    stated = {names: np.column_stack([numbers.pop(n) for n in names]) for names in TOOLS}
+    tool = _tools(path, row, stated, poses["tip_start"], poses["tip_end"])
     file = np.zeros(count, np.int64)
-    return RealPushes(**texts, **poses, **numbers, file=file, row=row, files=(str(path),))
+    return RealPushes(**texts, **poses, **numbers, **tool, file=file, row=row, files=(str(path),))
+
+
+def _tools(
+    path: Path, row: ndarray, stated: dict[tuple[str, str], ndarray], start: ndarray, end: ndarray
+) -> dict[str, ndarray]:
+    """Return span, bar and turn of tools from what rows state of them (M, 2), NaN where nothing."""
+    given = {names: ~np.isnan(two) for names, two in stated.items()}
+    for names, (one, other) in ((names, two.T) for names, two in given.items()):
+        for place in np.flatnonzero(one != other)[:1]:
+            has, lacks = names if one[place] else names[::-1]
+            raise DatasetError(
+                f"{path} row {row[place]} has {has} and no {lacks}; give both, or neither"
+            )
+    tip, polar, last, bar = (given[names][:, 0] for names in (*SECOND, SECOND_END, BAR))
+    for place in np.flatnonzero((tip * 1 + polar + bar > 1) | (last & ~tip))[:1]:
+        what = " and ".join(", ".join(names) for names in TOOLS if given[names][place, 0])
+        raise DatasetError(
+            f"{path} row {row[place]} has {what}; a tool has one finger, a second one"
+            f" ({' or '.join(', '.join(names) for names in SECOND)}; with the first,"
+            f" {', '.join(SECOND_END)} too), or is a bar ({', '.join(BAR)})"
+        )
+    span = np.where(tip[:, None], stated[SECOND[0]] - start, 0.0)
+    for names in (SECOND[1], BAR):
+        length, angle = np.nan_to_num(stated[names]).T
+        for place in np.flatnonzero(np.abs(angle) > MOST_TURN)[:1]:
+            raise DatasetError(
+                f"{path} row {row[place]}: {names[1]} is {angle[place]:g}; it looks like degrees;"
+                f" give radians, up to 2 pi, or the option --degrees, or a column {names[1]}_deg"
+            )
+        span += length[:, None] * unit(angle)
+    off = np.where(last[:, None], stated[SECOND_END] - end - span, 0.0)
+    return {"span": span, "bar": bar, "turn": np.linalg.norm(off, axis=1)}
 
 
 def _numbers(path: Path, name: str, texts: tuple[str, ...], row: ndarray) -> ndarray:

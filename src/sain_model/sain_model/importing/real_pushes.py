@@ -31,12 +31,13 @@ from sain_core.guarding.untrusted import (
     read_regular,
     unpacked_bytes,
 )
-from sain_core.push import LENGTH, SPEED, TIP_RADIUS, allowed_ranges
+from sain_core.push import LENGTH, MOST_SPAN, SPEED, TIP_RADIUS, allowed_ranges
 from sain_core.scene import unit, wrap_angle
 from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
 from sain_core.storage import DAMAGE, read_arrays
 from sain_core.types import Indices, Mask
 
+CLOSED: Final = 1e-3  # [m], by which fingers that touch may be measured too near
 FARTHEST: Final = 10.0  # [m], of a place on a table; farther away it is no metre
 MOST_TURN: Final = 2 * pi + 1e-6  # [rad], of a heading; beyond it is no radian
 IN_DEGREES: Final = "of a CSV file the option --degrees, or the columns theta0_deg and theta1_deg"
@@ -61,6 +62,11 @@ class RealPushes:
     tip_end: Float[ndarray, "M 2"]  # where it ended
     speed: Float[ndarray, "M"]  # of the tool (M,) [m/s]
     tip_radius: Float[ndarray, "M"]  # of the tool (M,) [m]; NaN: not stated
+    # from the axis of one finger to that of the other, or along a bar of which the tip is the
+    # middle, as wide as it is on the outside (M, 2) [m]; zeros: one finger
+    span: Float[ndarray, "M 2"]
+    bar: Mask  # which tools are bars (M,)
+    turn: Float[ndarray, "M"]  # by how much the ways of two fingers differ (M,) [m]
     mass: Float[ndarray, "M"]  # of the body (M,) [kg]; NaN: not stated
     # circumscribed, of a body whose shape is one of the library's (M,) [m]; NaN likewise
     radius: Float[ndarray, "M"]
@@ -95,6 +101,17 @@ class RealPushes:
         x, y = (self.tip_end - self.tip_start).T
         return np.asarray(np.arctan2(y, x))
 
+    @property
+    def axes(self) -> Float[ndarray, "M 2"]:
+        """The way from the axis of the tool's first disk to that of the second [m]."""
+        width = np.linalg.norm(self.span, axis=1)
+        ends = np.where(self.bar, 2.0 * self.tip_radius, 0.0)
+        return np.asarray(self.span * (1.0 - ends / np.where(self.bar, width, 1.0))[:, None])
+
+    def first_disk(self, tip: Float[ndarray, "M 2"]) -> Float[ndarray, "M 2"]:
+        """Return where the axis of the tool's first disk is when its tip is at places [m]."""
+        return np.asarray(tip - np.where(self.bar, 0.5, 0.0)[:, None] * self.axes)
+
     def in_body(self, places: Float[ndarray, "M 2"]) -> Float[ndarray, "M 2"]:
         """Return places seen from the body before the push."""
         cos, sin = unit(self.before[:, 2]).T
@@ -103,7 +120,8 @@ class RealPushes:
 
     def same_as_before(self) -> Mask:
         """Return which pushes (M,) are stated in an earlier row, too, to the bit."""
-        exact = (self.before, self.after, self.tip_start, self.tip_end, self.speed[:, None])
+        own = np.column_stack([self.speed, self.span, self.bar])
+        exact = (self.before, self.after, self.tip_start, self.tip_end, own)
         numbers = map(bytes, np.ascontiguousarray(np.hstack(exact)))
         texts = zip(self.surface.tolist(), self.object.tolist(), numbers, strict=True)
         seen = {push: row for row, push in reversed([*enumerate(texts)])}
@@ -127,12 +145,13 @@ def check_real(pushes: RealPushes) -> RealPushes:
     Raises `DatasetError`: naming the row and the value of the first that is NaN or Inf, looks like
     millimetres or degrees, or is out of range.
     """
-    for name in ("before", "after", "tip_start", "tip_end", "speed"):
+    for name in ("before", "after", "tip_start", "tip_end", "speed", "span"):
         values = getattr(pushes, name)
         finite = np.isfinite(values).reshape(len(values), -1).all(axis=1)
         _refuse(pushes, ~finite, name, values, "it must be finite")
-    for name in ("before", "after", "tip_start", "tip_end"):
-        places = getattr(pushes, name)[:, :2]
+    tip = {"second finger": pushes.tip_start + pushes.span}
+    for name in ("before", "after", "tip_start", "tip_end", *tip):
+        places = tip[name] if name in tip else getattr(pushes, name)[:, :2]
         _refuse(
             pushes, np.abs(places).max(axis=1, initial=0.0) > FARTHEST, name, places,
             f"it looks like millimetres; give metres, up to {FARTHEST:g} m",
@@ -158,10 +177,13 @@ def _check_ranges(pushes: RealPushes) -> None:
         TIP_RADIUS: ("tip_radius", pushes.tip_radius, "m"),
     }
     for column, least, most in allowed_ranges(stroke=True):
+        if column not in numbers:
+            continue
         name, values, what = numbers[column]
         allowed = f"allowed: {least:g} to {most:g} {what}"
         _refuse(pushes, values > most, name, values, f"{allowed}; it looks like m{what}")
         _refuse(pushes, ~(values >= least), name, values, allowed)
+    _check_spans(pushes)
     for name, least, most, hint in (
         ("mass", LEAST_MASS, MOST_MASS, "kg; 500 g are 0.5"),
         ("radius", LEAST_RADIUS, MOST_RADIUS, "m; 80 mm are 0.08"),
@@ -169,6 +191,18 @@ def _check_ranges(pushes: RealPushes) -> None:
         values = getattr(pushes, name)
         wrong = (values < least) | (values > most)
         _refuse(pushes, wrong, name, values, f"allowed: {least:g} to {most:g} {hint}")
+
+
+def _check_spans(pushes: RealPushes) -> None:
+    """Check that fingers are at least side by side, and bars at least as wide as they are round."""
+    width = np.linalg.norm(pushes.span, axis=1)
+    least = 2.0 * pushes.tip_radius - np.where(pushes.bar, 0.0, CLOSED)
+    allowed = f"allowed: 2 tip_radius to {MOST_SPAN:g} m"
+    for bar, name in ((False, "distance of the fingers' axes"), (True, "bar_width")):
+        two = (pushes.bar == bar) & (bar | (pushes.span != 0.0).any(axis=1))
+        _refuse(pushes, two & (width > MOST_SPAN), name, width, f"{allowed}; it looks like mm")
+        hint = allowed if bar else f"{allowed}; leave it empty for one finger"
+        _refuse(pushes, two & (width < least), name, width, hint)
 
 
 def _refuse(pushes: RealPushes, wrong: Mask, name: str, values: ndarray, hint: str) -> None:
@@ -189,11 +223,13 @@ COLUMNS: Final = {  # numbers of a row; none: text
     "tip_init": 2,
     "tip_final": 2,
 }
-RECORD: Final = {  # fields of a log's structs
+SECOND_TIP: Final = "tip2_init"  # of pushes with two fingers; NaN: one
+RECORD: Final = {  # fields of a log's structs; a second finger's may be missing
     "init_pose": "init_pose_gt",
     "final_pose": "final_pose_gt",
     "tip_init": "init_tip_pt",
     "tip_final": "final_tip_pt",
+    SECOND_TIP: "init_tip2_pt",
 }
 PUBLISHED_TIP_RADIUS: Final = 0.00475  # [m], of that laboratory's tool, which no file states
 
@@ -242,7 +278,8 @@ def _pushes(path: Path, arrays: dict[str, ndarray], tip_radius: float) -> RealPu
     count = len(arrays["speed"]) if arrays["speed"].ndim else 0
     if not 0 < count <= MOST_PUSHES:
         raise DatasetError(f"{path} has {count} pushes; allowed: 1 to {MOST_PUSHES:,}")
-    for name, size in COLUMNS.items():
+    arrays = {SECOND_TIP: np.full((count, 2), np.nan), **arrays}
+    for name, size in {**COLUMNS, SECOND_TIP: 2}.items():
         shape = (count, size) if size else (count,)
         kinds, wanted = ("U", "text") if size is None else ("fiu", "real numbers")
         found = arrays[name]
@@ -251,13 +288,16 @@ def _pushes(path: Path, arrays: dict[str, ndarray], tip_radius: float) -> RealPu
                 f"{path}: {name} is {found.dtype} of shape {found.shape}; it should be {wanted} of"
                 f" shape {shape}"
             )
-    surface, body, *numbers = (arrays[name] for name in COLUMNS)
-    speed, before, after, start, end = (array.astype(np.float64) for array in numbers)
+    surface, body, *numbers = (arrays[name] for name in (*COLUMNS, SECOND_TIP))
+    speed, before, after, start, end, second = (array.astype(np.float64) for array in numbers)
+    one = np.isnan(second).all(axis=1, keepdims=True)
+    span = np.where(one, 0.0, second - start)
     names = zip(surface.tolist(), body.tolist(), speed.tolist(), strict=True)
     run = np.array([f"{ground}_{name}_v{1e3 * fast:g}" for ground, name, fast in names])
     radius, unknown = np.full(count, tip_radius), np.full(count, np.nan)
     places = np.zeros(count, np.int64), np.arange(count) + 1
-    columns = surface, body, run, before, after, start, end, speed, radius, unknown, unknown
+    tool = radius, span, np.zeros(count, dtype=bool), np.zeros(count)
+    columns = surface, body, run, before, after, start, end, speed, *tool, unknown, unknown
     return RealPushes(*columns, *places, (str(path),))
 
 
@@ -282,6 +322,7 @@ def _read_log(path: Path) -> dict[str, ndarray]:
         columns = {
             name: np.array([record[key] for record in records], np.float64)
             for name, key in RECORD.items()
+            if name != SECOND_TIP or key in records[0]
         }
         for name, key in (("surface", "surface_type"), ("shape", "shape_id")):
             columns[name] = np.full(len(records), str(content[key])[:LONGEST_TEXT])

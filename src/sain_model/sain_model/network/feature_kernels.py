@@ -11,15 +11,27 @@ outlines are a corner of one and a side or a corner of the other. Where two side
 other, all of both is equally near. So that nothing jumps when they turn a little, a contact is the
 mean over all such pairs, of which the weight falls off with their gap.
 
-The tool is one more sender: row i of the relations to body i, where a body would meet itself. A
-relation also holds what its sender is, and how the tool meets the pushed body.
+The tool is one more sender: row i of the relations to body i, where a body would meet itself. Both
+disks of a tool are in its one contact. A relation also holds what its sender is, and how the tool
+meets the pushed body.
 """
 
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, START_X, START_Y, TIP_RADIUS
+from sain_core.push import (
+    ANGLE,
+    BAR,
+    BODY,
+    LENGTH,
+    LOCATION,
+    SPAN_X,
+    SPAN_Y,
+    START_X,
+    START_Y,
+    TIP_RADIUS,
+)
 from sain_core.scene import MASS, RADIUS, THETA, X, Y
 from sain_model.compute.compiling import (
     callable_kernel,
@@ -33,19 +45,20 @@ SOFTNESS = 0.0015  # [m], a gap larger by this counts e times less
 CUT = 6.0 * SOFTNESS
 FAR = 0.08  # [m], circumscribed circles that are further apart make no contact
 
-# Rows of a body's pose, and of a contact: its middle [m], the normal from the first body to the
-# second, the gap [m] and how far it extends along its tangent [m].
-POSE_X, POSE_Y, POSE_COS, POSE_SIN, POSE_RADIUS = range(5)
+# Rows of a pose, of a tool that of its middle, with half of its span [m]; and of a contact: its
+# middle [m], the normal from the first body to the second, the gap [m] and how far it extends along
+# its tangent [m].
+POSE_X, POSE_Y, POSE_COS, POSE_SIN, POSE_RADIUS, POSE_HALF = range(6)
 AT_X, AT_Y, NORMAL_X, NORMAL_Y, APART, EXTENT = range(6)
-POSE_SIZE, PATCH_SIZE = 5, 6
+POSE_SIZE, PATCH_SIZE = 6, 6
 SUMS = 9  # that `find_patch` works with
 
 
 class OutlineTable(NamedTuple):
     """The outlines of N bodies and, behind them, of the tool; in units of the states' radii."""
 
-    first_corner: np.ndarray  # (N + 2,) int64
-    corners: np.ndarray  # (M, 2), counter-clockwise
+    first_corner: np.ndarray  # (2, N + 2) int64, with a tool of one disk, and of two
+    corners: np.ndarray  # (M, 2), counter-clockwise; two of the tool
     rounding: np.ndarray  # (N + 1,), 1 for what is round, else 0
     reach: np.ndarray  # (N + 1,), circumscribed radius
     inertia: np.ndarray  # (N + 1,), upright moment, share of mass x radius^2
@@ -53,11 +66,11 @@ class OutlineTable(NamedTuple):
 
 
 @compiled
-def place_corners(table, poses, placed):
-    """Write where the corners (M, 2) [m] are of bodies in poses (N + 1, 5)."""
+def place_corners(starts, table, poses, placed):
+    """Write where the corners (M, 2) [m] are of bodies in poses (N + 1, 6); `starts` (N + 2,)."""
     for body in range(poses.shape[0]):
         cos, sin = poses[body, POSE_COS], poses[body, POSE_SIN]
-        for corner in range(table.first_corner[body], table.first_corner[body + 1]):
+        for corner in range(starts[body], starts[body + 1]):
             x = poses[body, POSE_RADIUS] * table.corners[corner, 0]
             y = poses[body, POSE_RADIUS] * table.corners[corner, 1]
             placed[corner, 0] = poses[body, POSE_X] + cos * x - sin * y
@@ -65,10 +78,10 @@ def place_corners(table, poses, placed):
 
 
 @compiled
-def _foot(placed, corner, here, after):
+def _foot(placed, corner, here, after, solid):
     """Return the distance of a corner from a side, and the unit vector from the side to it.
 
-    The distance is negative for a corner behind the side.
+    The distance is negative for a corner behind the side of what is solid.
     """
     way_x, way_y = placed[after, 0] - placed[here, 0], placed[after, 1] - placed[here, 1]
     off_x, off_y = placed[corner, 0] - placed[here, 0], placed[corner, 1] - placed[here, 1]
@@ -76,32 +89,36 @@ def _foot(placed, corner, here, after):
     share = 0.0
     if squared > 0.0:
         share = (off_x * way_x + off_y * way_y) / squared
-    if 0.0 < share < 1.0:
+    if solid and 0.0 < share < 1.0:
         scale = 1.0 / np.sqrt(squared)
         normal_x, normal_y = scale * way_y, -scale * way_x  # outward, as outlines turn left
         return off_x * normal_x + off_y * normal_y, normal_x, normal_y
-    if share >= 1.0:
-        off_x, off_y = off_x - way_x, off_y - way_y
+    if share > 0.0:
+        share = min(share, 1.0)
+        off_x, off_y = off_x - share * way_x, off_y - share * way_y
     distance = np.sqrt(off_x * off_x + off_y * off_y)
     scale = 1.0 / max(distance, 1e-12)
     return distance, scale * off_x, scale * off_y
 
 
 @compiled
-def _least_gap(table, placed, of, on, rounding):
-    """Return the smallest gap [m] between corners of a body and sides of another."""
+def _least_gap(starts, placed, of, on, joined, solid, rounding):
+    """Return the smallest gap [m] between corners of a body and sides of another.
+
+    Those of fingers, which no sides join, are points; those of a bar have nothing behind them.
+    """
     least = np.inf
-    for corner in range(table.first_corner[of], table.first_corner[of + 1]):
-        here = table.first_corner[on + 1] - 1
-        for after in range(table.first_corner[on], table.first_corner[on + 1]):
-            distance = _foot(placed, corner, here, after)[0]
+    for corner in range(starts[of], starts[of + 1]):
+        here = starts[on + 1] - 1
+        for after in range(starts[on], starts[on + 1]):
+            distance = _foot(placed, corner, here if joined else after, after, solid)[0]
             least = min(least, abs(distance - rounding))
             here = after
     return least
 
 
 @compiled
-def _add_near(table, placed, poses, of, on, least, way, sums):
+def _add_near(starts, table, placed, poses, of, on, joined, solid, least, way, sums):
     """Add up what is near: corners of body `of` about sides of body `on`, weighted.
 
     `least` is the smallest gap of the two [m], `way` 1 where the normal is from `of` to `on`, else
@@ -109,10 +126,11 @@ def _add_near(table, placed, poses, of, on, least, way, sums):
     """
     round_of = table.rounding[of] * poses[of, POSE_RADIUS]
     round_on = table.rounding[on] * poses[on, POSE_RADIUS]
-    for corner in range(table.first_corner[of], table.first_corner[of + 1]):
-        here = table.first_corner[on + 1] - 1
-        for after in range(table.first_corner[on], table.first_corner[on + 1]):
-            distance, normal_x, normal_y = _foot(placed, corner, here, after)
+    for corner in range(starts[of], starts[of + 1]):
+        here = starts[on + 1] - 1
+        for after in range(starts[on], starts[on + 1]):
+            here = here if joined else after
+            distance, normal_x, normal_y = _foot(placed, corner, here, after, solid)
             here = after
             gap = distance - round_of - round_on
             if abs(gap) - least > CUT:
@@ -133,12 +151,17 @@ def _add_near(table, placed, poses, of, on, least, way, sums):
 
 
 @compiled
-def find_patch(table, placed, poses, first, second, sums, patch):
-    """Write the contact (6,) of two bodies, or an infinite gap where they are far apart."""
+def find_patch(starts, table, placed, poses, first, second, bar, sums, patch):
+    """Write the contact (6,) of two bodies, or an infinite gap where they are far apart.
+
+    The second one may be the tool, and a bar.
+    """
+    solid = second < poses.shape[0] - 1
+    joined = solid or bar
     x = poses[second, POSE_X] - poses[first, POSE_X]
     y = poses[second, POSE_Y] - poses[first, POSE_Y]
     reach = table.reach[first] * poses[first, POSE_RADIUS]
-    reach += table.reach[second] * poses[second, POSE_RADIUS]
+    reach += table.reach[second] * poses[second, POSE_RADIUS] + poses[second, POSE_HALF]
     for row in range(PATCH_SIZE):
         patch[row] = 0.0
     if np.sqrt(x * x + y * y) - reach > FAR:
@@ -147,13 +170,13 @@ def find_patch(table, placed, poses, first, second, sums, patch):
     rounding = table.rounding[first] * poses[first, POSE_RADIUS]
     rounding += table.rounding[second] * poses[second, POSE_RADIUS]
     least = min(
-        _least_gap(table, placed, first, second, rounding),
-        _least_gap(table, placed, second, first, rounding),
+        _least_gap(starts, placed, first, second, joined, solid, rounding),
+        _least_gap(starts, placed, second, first, True, True, rounding),
     )
     for row in range(sums.shape[0]):
         sums[row] = 0.0
-    _add_near(table, placed, poses, first, second, least, 1.0, sums)
-    _add_near(table, placed, poses, second, first, least, -1.0, sums)
+    _add_near(starts, table, placed, poses, first, second, joined, solid, least, 1.0, sums)
+    _add_near(starts, table, placed, poses, second, first, True, True, least, -1.0, sums)
     scale = 1.0 / sums[0]
     patch[AT_X], patch[AT_Y], patch[APART] = scale * sums[1], scale * sums[2], scale * sums[5]
     length = max(np.sqrt(sums[3] * sums[3] + sums[4] * sums[4]), 1e-12)
@@ -194,7 +217,7 @@ class NetworkWork(NamedTuple):
     Relation i N + j is to body i from body j; i N + i is to body i from the tool.
     """
 
-    poses: np.ndarray  # (2, N + 1, 5) of bodies and tool in the push frame, before and after
+    poses: np.ndarray  # (2, N + 1, 6) of bodies and tool in the push frame, before and after
     placed: np.ndarray  # (2, M, 2) corners [m]
     sums: np.ndarray  # (9,)
     patch: np.ndarray  # (6,) of one contact
@@ -354,12 +377,16 @@ def write_lane(before, stroke, after, believed, table, lane, places, work):
     count, pushed = before.shape[0], int(stroke[BODY])
     origin_x, origin_y = before[pushed, X], before[pushed, Y]
     poses, placed = work.poses, work.placed
+    two = stroke[SPAN_X] != 0.0 or stroke[SPAN_Y] != 0.0
+    starts = table.first_corner[1 if two else 0]
     for when in range(2):
         scene = after if when == 1 else before
         for body in range(count):
             _write_pose(scene[body], origin_x, origin_y, stroke[LOCATION], poses[when, body])
         _write_tool(stroke, origin_x, origin_y, when * stroke[LENGTH], poses[when, count])
-        place_corners(table, poses[when], placed[when])
+        place_corners(starts, table, poses[when], placed[when])
+        if two:
+            _part_disks(stroke, placed[when], starts[count])
     for body in range(count):
         _write_body(before[body], stroke, after[body], table, body, poses, lane, work.bodies[body])
         if places:
@@ -371,7 +398,8 @@ def write_lane(before, stroke, after, believed, table, lane, places, work):
         for other in range(body + 1, count + 1):
             _write_relation(body, other, stroke, table, lane, work)
             for when in range(2):
-                find_patch(table, placed[when], poses[when], body, other, sums, patch)
+                seen = placed[when], poses[when], body, other, stroke[BAR] > 0.0
+                find_patch(starts, table, *seen, sums, patch)
                 _write_meeting(patch, body, other, when, lane, places, work)
     write_context(work, pushed, BODY_FEATURES + PLACE_FEATURES * places, lane)
 
@@ -419,7 +447,21 @@ def _write_tool(stroke, origin_x, origin_y, way, pose):
     x, y = stroke[START_X] - origin_x, stroke[START_Y] - origin_y
     pose[POSE_X] = cos * x + sin * y + way * np.cos(stroke[ANGLE])
     pose[POSE_Y] = cos * y - sin * x + way * np.sin(stroke[ANGLE])
+    span_x, span_y = stroke[SPAN_X], stroke[SPAN_Y]
+    pose[POSE_X] += 0.5 * (cos * span_x + sin * span_y)
+    pose[POSE_Y] += 0.5 * (cos * span_y - sin * span_x)
+    pose[POSE_HALF] = 0.5 * np.sqrt(span_x * span_x + span_y * span_y)
     pose[POSE_COS], pose[POSE_SIN], pose[POSE_RADIUS] = 1.0, 0.0, stroke[TIP_RADIUS]
+
+
+@compiled
+def _part_disks(stroke, placed, first):
+    """Move the two corners of a tool from its middle to the axes of its disks."""
+    cos, sin = np.cos(stroke[LOCATION]), np.sin(stroke[LOCATION])
+    span_x, span_y = stroke[SPAN_X], stroke[SPAN_Y]
+    for disk in range(2):
+        placed[first + disk, 0] += (disk - 0.5) * (cos * span_x + sin * span_y)
+        placed[first + disk, 1] += (disk - 0.5) * (cos * span_y - sin * span_x)
 
 
 @compiled

@@ -16,11 +16,13 @@ from sain_core.push import (
     ANGLE,
     LOCATION,
     PUSH_SIZE,
+    SPAN_X,
     START,
     STROKE_SIZE,
     TIP_RADIUS,
     PushLimits,
     is_stroke,
+    second_disks,
     strokes,
     tip_radii,
 )
@@ -105,7 +107,7 @@ def mirrored_columns(config: NetworkConfig) -> tuple[int, ...]:
 def outline_table(bodies: Bodies) -> OutlineTable:
     """Return what the kernels need of bodies and of the tool."""
     table = body_table(bodies)
-    last = table.first_corner[-1:] + 1
+    first = [np.append(table.first_corner, table.first_corner[-1] + disks) for disks in (1, 2)]
     loads = [
         _load_moments(table.supports[first:end], reach)
         for first, end, reach in zip(
@@ -113,8 +115,8 @@ def outline_table(bodies: Bodies) -> OutlineTable:
         )
     ]
     return OutlineTable(
-        np.concatenate([table.first_corner, last]),
-        np.concatenate([table.corners, np.zeros((1, 2))]),
+        np.array(first),
+        np.concatenate([table.corners, np.zeros((2, 2))]),
         np.append(table.rounding, 1.0),
         np.append(table.reach, 1.0),
         np.append(table.inertia / table.reach**2, 0.0),
@@ -150,7 +152,7 @@ def push_frames(scenes: Scenes, pushes: Pushes, bodies: Bodies) -> Strokes:
     start, heading = strokes(scenes, pushes, LIMITS, known)
     rows = np.zeros((len(pushes), STROKE_SIZE))
     rows[:, :PUSH_SIZE], rows[:, START] = pushes[:, :PUSH_SIZE], start
-    rows[:, TIP_RADIUS] = tip_radii(pushes, LIMITS)
+    rows[:, TIP_RADIUS], rows[:, SPAN_X:] = tip_radii(pushes, LIMITS), second_disks(pushes)
     if is_stroke(pushes):
         rows[:, LOCATION] = first_touch(scenes, pushes, known).normal
         rows[:, ANGLE] = wrap_angle(heading - rows[:, LOCATION])

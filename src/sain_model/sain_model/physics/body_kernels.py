@@ -1,6 +1,8 @@
 """Bodies in the compiled planar world, and its scratch memory.
 
 Bodies are rows of one array: row 0 is the tool, which no impulse moves. The pushed body is row 1.
+The tool's corners are the axes of its one or two disks, rounded by their radius. Corners 0 and 1 of
+a bar have sides between them: one for each of its faces. Two fingers have none.
 """
 
 from typing import Final, NamedTuple
@@ -88,12 +90,15 @@ KEPT: Final = _record("along across pressed", integers="key pair")  # of a conta
 
 
 class Workspace(NamedTuple):
-    """Scratch memory of one push of N bodies with M corners and F supports in all."""
+    """Scratch memory of one push of N bodies with M corners and F supports in all.
+
+    Corners of bodies follow those of the tool, of which there are at most two.
+    """
 
     order: np.ndarray  # (N,) int64, the body of each other row
     bodies: np.ndarray  # (N + 1,) BODY; row 0 is the tool
     first_corner: np.ndarray  # (N + 2,) int64
-    corners: np.ndarray  # (M + 1,) CORNER
+    corners: np.ndarray  # (M + 2,) CORNER
     first_support: np.ndarray  # (N + 2,) int64
     supports: np.ndarray  # (F,) SUPPORT
     contacts: np.ndarray  # (C,) CONTACT
@@ -110,7 +115,7 @@ def make_workspace(table):
         np.zeros(rows - 1, np.int64),
         np.zeros(rows, BODY),
         np.zeros(rows + 1, np.int64),
-        np.zeros(table.corners.shape[0] + 1, CORNER),
+        np.zeros(table.corners.shape[0] + 2, CORNER),
         np.zeros(rows + 1, np.int64),
         np.zeros(table.supports.shape[0], SUPPORT),
         np.zeros(contacts, CONTACT),
@@ -142,18 +147,13 @@ def _apart(states, pushed, body):
 
 
 @compiled
-def load_bodies(states, table, start_x, start_y, physics, own, work):
+def load_bodies(states, table, push, physics, own, work):
     """Fill the scratch memory from a scene (N, 8), taken as at rest; bodies are ordered.
 
-    The tool's axis starts at (start_x, start_y) [m].
+    The push is a row of those of `push_bodies_block`.
     """
     bodies, order = work.bodies, work.order
-    bodies[TOOL].x, bodies[TOOL].y = start_x, start_y
-    bodies[TOOL].start_x, bodies[TOOL].start_y = start_x, start_y
-    bodies[TOOL].cos = 1.0
-    bodies[TOOL].round = bodies[TOOL].reach = physics.tool_radius
-    work.first_corner[1] = 1
-    work.corners[TOOL].convex = True  # the tool's one corner is its axis
+    _load_tool(work, push, physics)
     for index in range(states.shape[0]):
         row, body = index + 1, order[index]
         _load_body(bodies[row], states[body], table, body, physics, own[body])
@@ -162,6 +162,26 @@ def load_bodies(states, table, start_x, start_y, physics, own, work):
     for contact in range(work.counts[0]):  # of the push before
         work.contacts[contact].pressed = 0.0
     forget_steps(work)
+
+
+@compiled
+def _load_tool(work, push, physics):
+    """Place the tool, with the offset of its tip, at its start."""
+    tool, corners = work.bodies[TOOL], work.corners
+    tool.x, tool.y = push[0] + physics.tip_x, push[1] + physics.tip_y
+    tool.start_x, tool.start_y, tool.cos = tool.x, tool.y, 1.0
+    span_x, span_y, bar = push[5], push[6], push[7] > 0.0
+    length = np.sqrt(span_x * span_x + span_y * span_y)
+    tool.round, tool.reach = physics.tool_radius, physics.tool_radius + length
+    work.first_corner[1] = 2 if length > 0.0 else 1
+    for index in range(work.first_corner[1]):
+        corner, scale = corners[index], 0.0
+        corner.x, corner.y = index * span_x, index * span_y
+        if bar and length > 0.0:
+            scale = (1.0 - 2.0 * index) / length
+        corner.side_x, corner.side_y = scale * span_x, scale * span_y
+        corner.length = abs(scale) * length * length
+        corner.convex = True
 
 
 @compiled

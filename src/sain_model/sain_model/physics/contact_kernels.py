@@ -5,14 +5,26 @@ the other (Ericson, "Real-Time Collision Detection", chapter 5). Corners may be 
 and a disk are one corner with a large radius. The outline of a whole body is looked at, not its
 convex parts. So the seams between parts catch nothing, and how an outline is cut does not matter.
 A body grown by the tool's radius is the union of its outline, of each side moved outward, and of a
-circle about each corner. The tool's axis touches the first of these that its way meets.
+circle about each corner. The axis of a tool's disk touches the first of these that its way meets;
+the faces of a bar meet corners of the body likewise.
 """
 
 import numpy as np
 
-from sain_core.push import ANGLE, BODY, LENGTH, LOCATION, START_X, START_Y, TIP_RADIUS
+from sain_core.push import (
+    ANGLE,
+    BAR,
+    BODY,
+    LENGTH,
+    LOCATION,
+    SPAN_X,
+    SPAN_Y,
+    START_X,
+    START_Y,
+    TIP_RADIUS,
+)
 from sain_core.scene import RADIUS, THETA, X, Y
-from sain_model.compute.compiling import callable_kernel, compiled
+from sain_model.compute.compiling import callable_kernel, compiled, compiled_apart
 from sain_model.physics.body_kernels import MOST_CONTACTS, TOOL
 
 NEAR = 0.005  # [m], features further apart are looked at again in the next step
@@ -30,6 +42,7 @@ def find_touching(work, horizon):
     """
     count = work.counts
     count[0] = 0
+    fingers = work.first_corner[TOOL + 1]
     for second in range(1, work.bodies.shape[0]):
         other = work.bodies[second]
         for first in range(second):
@@ -42,13 +55,17 @@ def find_touching(work, horizon):
             moves = body.lightness + other.lightness > 0.0
             if moves and dx * dx + dy * dy < reach * reach:
                 limit = count[0] + MOST_CONTACTS
-                if body.round > 0.0 and other.round > 0.0:  # the one corner of each
-                    gap, point = np.sqrt(dx * dx + dy * dy), work.first_corner[first]
-                    side = work.first_corner[second]
+                one = first != TOOL or fingers == 1
+                if one and body.round > 0.0 and other.round > 0.0:  # the one corner of each
+                    point, side = work.first_corner[first], work.first_corner[second]
+                    px, py = _in_world(body, work.corners[point].x, work.corners[point].y)
+                    sx, sy = _in_world(other, work.corners[side].x, work.corners[side].y)
+                    x, y = dx + sx - px, dy + sy - py  # centres of mass may be off these
+                    gap = np.sqrt(x * x + y * y)
                     _list(work, first, second, point, side, ON_CORNER, gap, 0.0, 0.0, limit)
                     continue
                 _corners_against(work, first, second, near, True, limit)
-                if first != TOOL:
+                if first != TOOL or work.corners[TOOL].length > 0.0:
                     _corners_against(work, second, first, near, False, limit)
     _place_features(work)
 
@@ -96,7 +113,7 @@ def _corners_against(work, point_body, side_body, near, meet, limit):
                 _list_in_front(
                     work, point_body, side_body, point, x, y, cos, sin, near, meet, limit
                 )
-                if meet and corner >= 0:
+                if meet and corner >= 0 and body.round == 0.0:
                     list_crossing(work, point_body, side_body, point, corner, x, y, cos, sin, limit)
 
 
@@ -105,8 +122,8 @@ def _nearest(work, side_body, x, y):
     """Look at an outline from a point (x, y), in that outline's frame.
 
     Returns the distance to the nearest feature [m]; whether the point is inside: behind a side that
-    is that feature, or at a concave corner; a convex corner as near as `CROSSED`, and the concave
-    corner if it is the nearest feature; -1 if there is none.
+    is that feature, or at a concave corner (nothing is inside a bar); a convex corner as near as
+    `CROSSED`, and the concave corner if it is the nearest feature; -1 if there is none.
     """
     nearest, inside, corner, hole = np.inf, False, -1, -1
     for side in range(work.first_corner[side_body], work.first_corner[side_body + 1]):
@@ -121,7 +138,7 @@ def _nearest(work, side_body, x, y):
                 hole = side if inside else -1
         elif along <= here.length and off * off < nearest:
             nearest, inside, hole = off * off, off < 0.0, -1
-    return np.sqrt(nearest), inside, corner, hole
+    return np.sqrt(nearest), inside and side_body != TOOL, corner, hole
 
 
 @compiled
@@ -289,15 +306,17 @@ def first_touch_of(work, way_x, way_y):
         across = dx * way_y - dy * way_x
         if abs(across) < reach and dx * way_x + dy * way_y < reach:
             nearest = min(nearest, _distance_to(work, row, dx, dy, way_x, way_y))
+    if work.first_corner[TOOL + 1] > 1:
+        nearest = min(nearest, _further_touch(work, way_x, way_y))
     return nearest
 
 
 @compiled
 def _distance_to(work, row, dx, dy, way_x, way_y):
-    """Return how far [m] the tool, at (dx, dy) from a body's centre, travels until they touch.
+    """Return how far [m] a disk of the tool travels until it touches a body.
 
-    The tool's axis meets the outline grown by both radii: sides moved outward, and circles about
-    convex corners.
+    Its axis, at (dx, dy) from the body's centre, meets the outline grown by both radii: sides moved
+    outward, and circles about convex corners.
     """
     bodies, corners = work.bodies, work.corners
     cos, sin = bodies[row].cos, bodies[row].sin
@@ -323,6 +342,50 @@ def _distance_to(work, row, dx, dy, way_x, way_y):
     return nearest
 
 
+@compiled
+def _until_side(from_x, from_y, ux, uy, side_x, side_y, length, rounding):
+    """Return how far [m] a round point travels along (ux, uy) until it touches a side.
+
+    The point is at (from_x, from_y) from where the side begins [m], in front of it. Negative: they
+    overlap; infinite: it never does.
+    """
+    closing = uy * side_x - ux * side_y
+    off = from_x * side_y - from_y * side_x
+    if closing > 0.0 and off >= 0.0:
+        met = (off - rounding) / closing
+        ahead = max(met, 0.0)
+        along = (from_x + ahead * ux) * side_x
+        along += (from_y + ahead * uy) * side_y
+        if 0.0 <= along <= length:
+            return met
+    return np.inf
+
+
+@compiled_apart
+def _further_touch(work, way_x, way_y):
+    """Return how far [m] its second disk or the faces of a bar travel until they touch any body.
+
+    A face meets corners of bodies, grown by both radii.
+    """
+    bodies, corners = work.bodies, work.corners
+    tool, nearest = bodies[TOOL], np.inf
+    for row in range(1, bodies.shape[0]):
+        body = bodies[row]
+        dx, dy = tool.x + corners[1].x - body.x, tool.y + corners[1].y - body.y
+        nearest = min(nearest, _distance_to(work, row, dx, dy, way_x, way_y))
+        for face in range(2):
+            here = corners[face]
+            dx, dy = tool.x + here.x - body.x, tool.y + here.y - body.y
+            for corner in range(work.first_corner[row], work.first_corner[row + 1]):
+                x, y = _in_world(body, corners[corner].x, corners[corner].y)
+                met = _until_side(
+                    x - dx, y - dy, -way_x, -way_y,
+                    here.side_x, here.side_y, here.length, body.round + tool.round,
+                )  # fmt: skip
+                nearest = min(nearest, max(met, 0.0))
+    return nearest
+
+
 # --- strokes, before any body moves ---------------------------------------------------------------
 
 # Columns of what is found: the smallest gap between tool and a body at the start [m], which body
@@ -334,7 +397,7 @@ TOUCH_SIZE = 4
 
 @callable_kernel
 def find_touches(scenes, strokes, table, touches):
-    """Write into (B, 4) where the tools of strokes (B, 8) begin and first touch."""
+    """Write into (B, 4) where the tools of strokes (B, 11) begin and first touch."""
     for index in range(scenes.shape[0]):
         stroke, touch = strokes[index], touches[index]
         touch[GAP] = np.inf
@@ -347,28 +410,63 @@ def find_touches(scenes, strokes, table, touches):
 
 
 @compiled
-def _gap_to(state, table, body, stroke):
-    """Return the gap [m] between the tool at its start and a body; negative where they overlap."""
+def _tool_seen(state, stroke):
+    """Return a tool in the frame of a body: a disk, the way to the other [m], how many it has."""
     cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
     dx, dy = stroke[START_X] - state[X], stroke[START_Y] - state[Y]
-    x, y, radius = cos * dx + sin * dy, cos * dy - sin * dx, state[RADIUS]
+    x, y = cos * dx + sin * dy, cos * dy - sin * dx
+    span_x, span_y = stroke[SPAN_X], stroke[SPAN_Y]
+    disks = 2 if span_x != 0.0 or span_y != 0.0 else 1
+    return x, y, cos * span_x + sin * span_y, cos * span_y - sin * span_x, disks
+
+
+@compiled
+def _squared_from(off_x, off_y, way_x, way_y):
+    """Return the squared distance [m^2] of a point from a side (way_x, way_y) that begins at 0."""
+    squared = way_x * way_x + way_y * way_y
+    share = 0.0
+    if squared > 0.0:
+        share = min(max((off_x * way_x + off_y * way_y) / squared, 0.0), 1.0)
+    apart_x, apart_y = off_x - share * way_x, off_y - share * way_y
+    return apart_x * apart_x + apart_y * apart_y
+
+
+@compiled
+def _gap_to(state, table, body, stroke):
+    """Return the gap [m] between the tool at its start and a body; negative where they overlap.
+
+    Of a bar of which only the middle crosses the outline, it is what its rounding overlaps.
+    """
+    start_x, start_y, span_x, span_y, disks = _tool_seen(state, stroke)
+    radius, bar = state[RADIUS], stroke[BAR] > 0.0
     first, last = table.first_corner[body], table.first_corner[body + 1]
-    nearest, inside = np.inf, False
-    here_x, here_y = radius * table.corners[last - 1, 0], radius * table.corners[last - 1, 1]
-    for corner in range(first, last):
-        after_x, after_y = radius * table.corners[corner, 0], radius * table.corners[corner, 1]
-        way_x, way_y, off_x, off_y = after_x - here_x, after_y - here_y, x - here_x, y - here_y
-        squared = way_x * way_x + way_y * way_y
-        share = 0.0
-        if squared > 0.0:
-            share = min(max((off_x * way_x + off_y * way_y) / squared, 0.0), 1.0)
-        apart_x, apart_y = off_x - share * way_x, off_y - share * way_y
-        nearest = min(nearest, apart_x * apart_x + apart_y * apart_y)
-        if (here_y > y) != (after_y > y) and off_x < off_y / way_y * way_x:
-            inside = not inside
-        here_x, here_y = after_x, after_y
-    distance = -np.sqrt(nearest) if inside else np.sqrt(nearest)
-    return distance - table.rounding[body] * radius - stroke[TIP_RADIUS]
+    gap, squared = np.inf, np.inf
+    for disk in range(disks):
+        x, y = start_x + disk * span_x, start_y + disk * span_y
+        nearest, inside = np.inf, False
+        here_x, here_y = radius * table.corners[last - 1, 0], radius * table.corners[last - 1, 1]
+        for corner in range(first, last):
+            after_x, after_y = radius * table.corners[corner, 0], radius * table.corners[corner, 1]
+            way_x, way_y, off_x, off_y = after_x - here_x, after_y - here_y, x - here_x, y - here_y
+            nearest = min(nearest, _squared_from(off_x, off_y, way_x, way_y))
+            if (here_y > y) != (after_y > y) and off_x < off_y / way_y * way_x:
+                inside = not inside
+            if bar:
+                off_x, off_y = start_x - after_x, start_y - after_y
+                squared = min(squared, _squared_from(-off_x, -off_y, span_x, span_y))
+                if _cross(off_x, off_y, span_x, span_y, -way_x, -way_y):
+                    squared = 0.0
+            here_x, here_y = after_x, after_y
+        gap = min(gap, -np.sqrt(nearest) if inside else np.sqrt(nearest))
+    return min(gap, np.sqrt(squared)) - table.rounding[body] * radius - stroke[TIP_RADIUS]
+
+
+@compiled
+def _cross(x, y, ux, uy, vx, vy):
+    """Tell whether the side u that begins at (x, y) crosses the side v that begins at 0."""
+    start, end = vx * y - vy * x, vx * (y + uy) - vy * (x + ux)
+    here, there = uy * x - ux * y, uy * (x - vx) - ux * (y - vy)
+    return start * end < 0.0 and here * there < 0.0
 
 
 @compiled
@@ -377,40 +475,43 @@ def _touch_first(state, table, body, stroke, touch):
 
     Of parts that the tool overlaps already, the one that it will have met first on its way counts.
     """
-    cos, sin = np.cos(state[THETA]), np.sin(state[THETA])
-    dx, dy = stroke[START_X] - state[X], stroke[START_Y] - state[Y]
-    x, y, radius = cos * dx + sin * dy, cos * dy - sin * dx, state[RADIUS]
+    start_x, start_y, span_x, span_y, disks = _tool_seen(state, stroke)
+    cos, sin, radius = np.cos(state[THETA]), np.sin(state[THETA]), state[RADIUS]
     heading = stroke[LOCATION] + stroke[ANGLE]
     ux, uy = np.cos(heading - state[THETA]), np.sin(heading - state[THETA])
     rounding = table.rounding[body] * radius + stroke[TIP_RADIUS]
     first, last = table.first_corner[body], table.first_corner[body + 1]
+    span = np.sqrt(span_x * span_x + span_y * span_y)
     nearest, nx, ny = np.inf, ux, uy
-    for corner in range(first, last):
-        after = corner + 1 if corner + 1 < last else first
-        from_x, from_y = (
-            x - radius * table.corners[corner, 0],
-            y - radius * table.corners[corner, 1],
-        )
-        way_x = radius * (table.corners[after, 0] - table.corners[corner, 0])
-        way_y = radius * (table.corners[after, 1] - table.corners[corner, 1])
-        length = np.sqrt(way_x * way_x + way_y * way_y)
-        if length > 0.0:
-            side_x, side_y = way_x / length, way_y / length
-            closing = uy * side_x - ux * side_y
-            off = from_x * side_y - from_y * side_x
-            if closing > 0.0 and off >= 0.0:
-                met = (off - rounding) / closing
-                ahead = max(met, 0.0)
-                along = (from_x + ahead * ux) * side_x + (from_y + ahead * uy) * side_y
-                if 0.0 <= along <= length and met < nearest:
+    for disk in range(disks):
+        x, y = start_x + disk * span_x, start_y + disk * span_y
+        for corner in range(first, last):
+            after = corner + 1 if corner + 1 < last else first
+            from_x, from_y = (
+                x - radius * table.corners[corner, 0],
+                y - radius * table.corners[corner, 1],
+            )
+            way_x = radius * (table.corners[after, 0] - table.corners[corner, 0])
+            way_y = radius * (table.corners[after, 1] - table.corners[corner, 1])
+            length = np.sqrt(way_x * way_x + way_y * way_y)
+            if length > 0.0:
+                side_x, side_y = way_x / length, way_y / length
+                met = _until_side(from_x, from_y, ux, uy, side_x, side_y, length, rounding)
+                if met < nearest:
                     nearest, nx, ny = met, -side_y, side_x
-        ahead = -(from_x * ux + from_y * uy)
-        squared = rounding * rounding - (from_x * from_x + from_y * from_y - ahead * ahead)
-        if squared > 0.0 and ahead > 0.0:
-            met = ahead - np.sqrt(squared)
-            if met < nearest:
-                way = max(met, 0.0)
-                nearest, nx, ny = met, -(from_x + way * ux), -(from_y + way * uy)
+            ahead = -(from_x * ux + from_y * uy)
+            squared = rounding * rounding - (from_x * from_x + from_y * from_y - ahead * ahead)
+            if squared > 0.0 and ahead > 0.0:
+                met = ahead - np.sqrt(squared)
+                if met < nearest:
+                    way = max(met, 0.0)
+                    nearest, nx, ny = met, -(from_x + way * ux), -(from_y + way * uy)
+            if disks > 1 and stroke[BAR] > 0.0:  # one of its faces, from this disk to the other
+                turn = (1.0 - 2.0 * disk) / span
+                side_x, side_y = turn * span_x, turn * span_y
+                met = _until_side(-from_x, -from_y, -ux, -uy, side_x, side_y, span, rounding)
+                if met < nearest:
+                    nearest, nx, ny = met, side_y, -side_x
     touch[DISTANCE] = max(nearest, 0.0)
     if touch[DISTANCE] >= stroke[LENGTH]:
         touch[DISTANCE], nx, ny = np.inf, ux, uy

@@ -9,7 +9,7 @@ import numpy as np
 from sain_model.compute.compiling import compiled
 from sain_model.physics.body_kernels import TOOL, forget_change
 from sain_model.physics.contact_kernels import ON_CORNER, ON_SIDE
-from sain_model.physics.support_kernels import hold_back, hold_supports
+from sain_model.physics.support_kernels import hold_back, hold_supports, of_tool
 
 SWEEPS = 30  # most sweeps over the contacts in one step
 CONVERGED = 5e-4  # [speeds of the tool], change of relative velocities in the last sweep
@@ -83,7 +83,7 @@ def prepare_impulses(work, step, physics):
         contact.end_arm_point, contact.end_reach_point = a, b
         contact.end_arm_side, contact.end_reach_side = c, d
         contact.middle, contact.ready = 0.5 * step, False
-        share = physics.tool_restitution if contact.point_body == TOOL else physics.disk_restitution
+        share = physics.tool_restitution if of_tool(contact) else physics.disk_restitution
         contact.bias = _bias(contact.gap, _leaving(contact, point, side), step, share)
         contact.give, contact.relaxes = 0.0, 1.0
         softness = _softness(contact, physics)
@@ -143,8 +143,8 @@ def _prepare_responses(contact, point, side):
 @compiled
 def _prepare_laws(contact, point, side):
     """Note by what a contact's impulses follow from its velocities: sticking, and slipping."""
-    if contact.point_body == TOOL:
-        grip = side.tool_grip
+    if of_tool(contact):
+        grip = max(point.tool_grip, side.tool_grip)  # the tool itself has none
     else:
         grip = (side if contact.side_body > contact.point_body else point).body_grip
     along_along, along_across = contact.along_along, contact.along_across
@@ -172,7 +172,7 @@ def _moved(body, x, y, turn):
 @compiled
 def _softness(contact, physics):
     """Return the compliance [m/N] of a contact."""
-    return physics.tool_compliance if contact.point_body == TOOL else physics.body_compliance
+    return physics.tool_compliance if of_tool(contact) else physics.body_compliance
 
 
 @compiled

@@ -22,7 +22,7 @@ from sain_core.types import Scenes
 
 
 def check_batch(scenes: np.ndarray, pushes: np.ndarray, bodies: Bodies = PAPER_DISKS) -> None:
-    """Check that scenes (B, N, 8) and pushes (B, 5) or strokes (B, 8) fit and can exist.
+    """Check that scenes (B, N, 8) and pushes (B, 5) or strokes (B, 11) fit and can exist.
 
     Raises `InvalidInputError`: naming what does not; `OutOfRangeError`: a push that no model may be
     asked about, see `check_predictable`.

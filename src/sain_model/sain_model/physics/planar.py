@@ -24,6 +24,7 @@ from sain_core.push import (
     PushLimits,
     is_stroke,
     pushed_bodies,
+    second_disks,
     strokes,
     tip_radii,
 )
@@ -53,7 +54,8 @@ from sain_model.physics.parameters import (
 )
 from sain_model.physics.push_kernels import CHUNK, push_bodies_block
 
-Ways = Float[ndarray, "B 5"]  # start of the tool [m], heading [rad], way [m], speed [m/s]
+# start of the tool [m], heading [rad], way [m], speed [m/s], and its second disk
+Ways = Float[ndarray, "B 8"]
 
 SHARE: Final = 2  # column of a support, after its x and y
 WAVES: Final = {"cos": np.cos, "sin": np.sin}
@@ -114,7 +116,7 @@ def tool_ways(
         moved[:, LOCATION] += around
         start, _ = strokes(scenes, moved, limits, bodies)
     speed = pushes[:, SPEED] * physics["speed_factor"]
-    return np.column_stack([start, heading + left, length, speed])
+    return np.column_stack([start, heading + left, length, speed, second_disks(pushes)])
 
 
 def _offset(physics: ndarray, name: str, heading: Angles) -> Float[ndarray, "B"]:
@@ -193,7 +195,7 @@ class FirstTouch:
 
 
 def first_touch(scenes: Scenes, strokes: Pushes, bodies: Bodies) -> FirstTouch:
-    """Return where strokes (B, 8) in scenes (B, N, 8) begin and first touch."""
+    """Return where strokes (B, 11) in scenes (B, N, 8) begin and first touch."""
     touches = np.zeros((len(scenes), TOUCH_SIZE))
     table = body_table(bodies.fitted(scenes.shape[1]))
     find_touches(plain(scenes), plain(strokes), table, touches)
@@ -202,7 +204,7 @@ def first_touch(scenes: Scenes, strokes: Pushes, bodies: Bodies) -> FirstTouch:
 
 
 def check_starts(scenes: Scenes, strokes: Pushes, bodies: Bodies) -> None:
-    """Check that no stroke (B, 8) that moves begins with the tool inside a body.
+    """Check that no stroke (B, 11) that moves begins with the tool inside a body.
 
     An overlap of up to `OVERLAP_TOLERANCE` is taken as touching: poses are measured.
     Raises `InvalidInputError`: naming the first that does.
@@ -236,7 +238,7 @@ class PlanarPrior(Model):
     def step(self, scenes: Scenes, pushes: Pushes, values: Values | None = None) -> Scenes:
         """Predict the settled scenes (B, N, 8) after pushes from scenes (B, N, 8) at rest.
 
-        Each scene has one push (B, 5) or stroke (B, 8). Length 0 leaves it unchanged, bit for bit.
+        Each scene has one push (B, 5) or stroke (B, 11). Length 0 leaves it unchanged, bit for bit.
         `values` are of parameters by name (`sain_model.physics.parameters`), (B,); those of bodies
         (B,) or (B, N). The settings have the others.
 

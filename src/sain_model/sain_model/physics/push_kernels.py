@@ -270,8 +270,7 @@ def creep(push, distance, physics, work):
 def push_bodies(states, pushed, push, table, physics, own, work):
     """Carry out one push in place; arguments are rows of those of `push_bodies_block`."""
     order_bodies(states, pushed, work.order)
-    start_x, start_y = push[0] + physics.tip_x, push[1] + physics.tip_y
-    load_bodies(states, table, start_x, start_y, physics, own, work)
+    load_bodies(states, table, push, physics, own, work)
     tool = work.bodies[TOOL]
     way_x, way_y, length, fastest_tool = np.cos(push[2]), np.sin(push[2]), push[3], push[4]
     distance = first_touch_of(work, way_x, way_y)
@@ -308,7 +307,8 @@ def push_bodies_block(first, last, scenes, pushed, pushes, table, physics, own):
         scenes: (B, N, 8), changed to what they become.
         pushed: (B,), bodies.
         pushes: where the tool's axis starts [m], but for the offset of its tip, its heading [rad],
-            its way [m], and its highest speed [m/s], (B, 5).
+            its way [m], and its highest speed [m/s]; the way to the axis of its second disk [m],
+            and whether it is a bar, (B, 8).
         table: of the bodies.
         physics: `PUSH_ROW` of `physics.parameters`, (B,), or (1,) for all.
         own: `BODY_ROW`, (B, N) or (1, N).

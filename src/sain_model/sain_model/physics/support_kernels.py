@@ -248,6 +248,12 @@ def hold_back(body):
 
 
 @compiled
+def of_tool(contact):
+    """Tell whether the tool is one of the two bodies of a contact."""
+    return min(contact.point_body, contact.side_body) == TOOL
+
+
+@compiled
 def note_lean(work, physics, step):
     """Note how the contacts of this step shift the load of each body on its supports."""
     bodies = work.bodies
@@ -257,7 +263,7 @@ def note_lean(work, physics, step):
         contact = work.contacts[index]
         if contact.along > 0.0:
             point, side = bodies[contact.point_body], bodies[contact.side_body]
-            height = physics.tool_height if contact.point_body == TOOL else physics.disk_height
+            height = physics.tool_height if of_tool(contact) else physics.disk_height
             arm = (height - physics.middle_height) / (physics.gravity * step)
             along, across = arm * contact.along, arm * contact.across
             nx, ny = contact.normal_x, contact.normal_y
