@@ -155,20 +155,10 @@ def test_pushes_with_another_second_finger_are_no_repeats(rows, tmp_path):
 def test_identify_and_train_run_on_them(rows, tmp_path, monkeypatch, capsys):
     convert(tmp_path, rows)
     monkeypatch.chdir(tmp_path)
+    short = ("--epochs", "1", "--epoch-steps", "2", "--test", "0.3")
     for command, *words in (
         ("identify", "out", "--out", "belief.json"),
-        (
-            "train",
-            "out",
-            "--belief",
-            "belief.json",
-            "--out",
-            "run",
-            "--epochs",
-            "1",
-            "--epoch-steps",
-            "2",
-        ),
+        ("train", "out", "--belief", "belief.json", "--out", "run", *short),
         ("evaluate", "out", "--checkpoint", "run/sain.safetensors"),
     ):
         assert getattr(commands, command)(words) == 0, capsys.readouterr()
