@@ -7,8 +7,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy import ndarray
 
 from benchmarks.real.folds import first_of_each_body
 from benchmarks.real.physics import IdentifiedPhysics, Physics
@@ -19,16 +17,18 @@ from sain_core.randomness import generator
 from sain_core.scene import POSE
 from sain_core.transitions import PushHistory, draw_parts
 from sain_core.types import Indices
-from sain_model.data.dataset import Part, Split
-from sain_model.dynamics.identify import body_names, known_bodies, pushes_of_bodies
+from sain_model.data.dataset import Split
+from sain_model.dynamics.identify import ANOTHER, body_names, known_bodies
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics, with_intervals
 from sain_model.evaluation.errors import predict_known
+from sain_model.inference.evidence import Known
 from sain_model.inference.kinds import KnownBody, friction_kind, only
 from sain_model.inference.population import Pair, Population
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME
 from sain_model.training.fit import fit
 from sain_model.training.interval_fit import fit_regions, with_regions
+from sain_model.training.kernel_fit import FEW, FOLDS, folds
 from sain_model.training.settings import OF_BODIES, TrainingConfig
 
 NEW_SHARE: Final = 0.2  # of the objects, that stand for new ones
@@ -52,13 +52,13 @@ class NetworkRow:
         folder: where trainings are kept.
         on: the physics; None: the network alone.
         config: of the training.
-        of_new: of the training for bodies that are not among those that it learns from.
+        new: of the training for bodies that are not among those that it learns from.
     """
 
     folder: Path
     on: IdentifiedPhysics | None = None
     config: TrainingConfig = OF_BODIES
-    of_new: TrainingConfig = OF_NEW
+    new: TrainingConfig = OF_NEW
 
     @property
     def key(self) -> str:
@@ -70,7 +70,7 @@ class NetworkRow:
 
     @property
     def identity(self) -> str:
-        return f"{self.config} {self.of_new} {self.on and self.on.identity}"
+        return f"{self.config} {self.new} {self.on and self.on.identity}"
 
     @property
     def learns_anew(self) -> bool:
@@ -83,35 +83,61 @@ class NetworkRow:
         physics of their bodies, and what the network adds was learned from others.
         """
         if self.on is None:
-            nothing = Physics(Population.before(friction_kind(IdentityPrior(), infers=False)))
-            return self.trained(train.and_also(own), nothing, known=True)
+            return self.of_known(train.and_also(own), self.identified(own))
         physics = self.on.fit(train, own)
         assert isinstance(physics, Physics)
         return OfKnownAndNew(self, train, own, physics)
 
-    def trained(self, pushes: PushTable, physics: Physics, known: bool) -> "OfKnown":
-        """Return a network that was trained on pushes, with regions; a training is kept.
+    def identified(self, pushes: PushTable) -> Physics:
+        """Return the physics that pushes show, or none."""
+        if self.on is None:
+            return Physics(Population.before(friction_kind(IdentityPrior(), infers=False)))
+        physics = self.on.fit(pushes, pushes.select(np.zeros(0, np.int64)))
+        assert isinstance(physics, Physics)
+        return physics
 
-        The best epoch is chosen, and regions are fitted, by a share of the groups of repeats: for
-        predictions of `known` bodies. For those of new bodies it is a share of the objects, and if
-        no epoch is better there than the physics, the physics stays as it is.
+    def of_known(self, pushes: PushTable, physics: Physics) -> "OfKnown":
+        """Return a network that was trained on pushes, for the same bodies.
+
+        A fold of them chooses the best epoch. Regions are fitted to folds that neither a network
+        nor its physics were fitted to: to each in turn, or of many pushes to one.
         """
-        config = self.config if known else self.of_new
+        config, few = self.config, len(pushes) <= FEW
+        fold = 1 + folds(pushes.group, config.seed) % (FOLDS - 1)
+        fold[draw_parts(pushes.group, config.seed, config.validation, 0.0)[1]] = 0
+        held = [fold == number for number in range(FOLDS)]
+        model = self.trained(pushes.select(~held[0]), pushes.select(held[0]), physics, config)
+        crossed = []
+        for rows in held if few else held[:1]:
+            parts = pushes.select(~rows), pushes.select(rows)
+            of_others = self.identified(parts[0])
+            another = self.trained(*parts, of_others, config) if few else model
+            crossed.append((another, of_others, parts[1]))
+        return OfKnown(model, physics, crossed)
+
+    def of_new(self, pushes: PushTable, physics: Physics) -> SainDynamics:
+        """Return a network for bodies that are not among these.
+
+        If no epoch is better than the physics on some objects that it did not learn from, the
+        physics stays as it is.
+        """
+        labels = np.unique(pushes.object, return_inverse=True)[1]
+        learned, held = draw_parts(labels, self.new.seed, NEW_SHARE, 0.0)[:2]
+        return self.trained(pushes.select(learned), pushes.select(held), physics, self.new)
+
+    def trained(
+        self, learned: PushTable, held: PushTable, physics: Physics, config: TrainingConfig
+    ) -> SainDynamics:
+        """Return a network on a physics; a training is kept."""
         config = replace(config, prior=IDENTITY if self.on is None else PLANAR)
-        labels = pushes.group if known else np.unique(pushes.object, return_inverse=True)[1]
-        share = config.validation if known else NEW_SHARE
-        learned, held = (
-            pushes.select(rows) for rows in draw_parts(labels, config.seed, share, 0.0)[:2]
-        )
         split = Split(learned.dataset, held.dataset, held.dataset.select(np.zeros(len(held), bool)))
-        digest = hashlib.sha256(pushes.row.tobytes())
+        digest = hashlib.sha256(learned.row.tobytes() + str(config).encode())
         if self.on:
-            digest.update(physics.identity_of(pushes))
-        folder = self.folder / self.key / f"{digest.hexdigest()[:16]}-{known:d}"
+            digest.update(physics.identity_of(learned.and_also(held)))
+        folder = self.folder / self.key / digest.hexdigest()[:16]
         bodies = physics.population if self.on else None
         kind = replace(physics.population.kind, corrected=True)
-        model, _ = fit(split, kind, config, folder, bodies=bodies)
-        return OfKnown(model, physics, held)
+        return fit(split, kind, config, folder, bodies=bodies)[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,28 +147,36 @@ class OfKnown:
     Attributes:
         model: the physics and the network.
         physics: what is believed of each body.
-        held: pushes of the same bodies that no weight was fitted to, for regions.
+        crossed: the same, fitted without some pushes, and these, for regions.
     """
 
     model: SainDynamics
     physics: Physics
-    held: PushTable
+    crossed: Sequence[tuple[SainDynamics, Physics, PushTable]]
 
     def predict(self, pushes: PushTable) -> Predicted:
-        """Return the members' mean, and regions that follow each body's errors in `held`."""
-        parts = self.held.dataset.parts
-        predictions = [self.predicted(part) for part in parts]
-        regions = fit_regions(predictions, parts, STATED)
-        widening = _of_bodies(regions, predictions, parts)
+        """Return the members' mean, and regions that follow each body's errors."""
+        parts = [part for *_, held in self.crossed for part in held.dataset.parts]
+        predictions = [
+            predict_known(model, part, physics.population)
+            for model, physics, held in self.crossed
+            for part in held.dataset.parts
+        ]
+        each = np.concatenate([body_names(part) for part in parts])
+        names, body = np.unique(each, return_inverse=True)
+        regions = fit_regions(predictions, parts, Known.others(body), STATED)
+        about = [with_regions(regions, *pair) for pair in zip(predictions, parts, strict=True)]
+        curves = [regions.curves(*pair) for pair in zip(about, parts, strict=True)]
+        known = Known.of_episodes(body, len(names) + 1)  # the last one: of other bodies
+        factors = regions.widening(known.total(np.concatenate(curves)), known.counts)
         found = []
         for part in pushes.dataset.parts:
-            factors = np.stack([widening.get(name, np.ones(2)) for name in body_names(part)], 1)
-            found.append(_stated(self.predicted(part), part, regions, factors))
+            same = body_names(part)[:, None] == names
+            row = np.where(same.any(axis=1), same.argmax(axis=1), len(names))
+            prediction = predict_known(self.model, part, self.physics.population)
+            about_these = with_regions(regions, prediction, part)
+            found.append(_stated(about_these.widened(factors[:, row])))
         return joined(found)
-
-    def predicted(self, part: Part, corrected: bool = True) -> Prediction:
-        """Return what is predicted with what is believed of each body."""
-        return predict_known(self.model, part, self.physics.population, corrected)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,65 +196,61 @@ class OfKnownAndNew:
         known = np.isin(pushes.body, np.unique(self.train.body))
         parts = []
         if known.any():
-            trained = self.row.trained(self.train, self.physics, known=True)
+            trained = self.row.of_known(self.train, self.physics)
             parts.append((np.flatnonzero(known), trained.predict(pushes.select(known))))
         if not known.all():
-            model = self.row.trained(self.train, self.physics, known=False).model
-            regions = self.regions_of_new(model)
-            model = with_intervals(model, regions)
+            model = self.row.of_new(self.train, self.physics)
+            model = with_intervals(model, self.regions_of_new(model, pushes.select(~known)))
             bodies = {name: self.recorded(name) for name in np.unique(pushes.surface[~known])}
             for body in np.unique(pushes.body[~known]):
                 rows = np.flatnonzero(pushes.body == body)
-                some = pushes.select(rows)
-                found = self.of_new(model, regions, some, bodies[some.surface[0]])
-                parts.append((rows, found))
+                some, own = pushes.select(rows), self.own.select(self.own.body == body)
+                pair = Pair(some.object[0], some.surface[0])
+                kind = replace(self.physics.population.kind_of(pair, own=False), corrected=True)
+                belief = replace(only(kind), bodies=bodies[pair.surface])
+                (part,) = some.dataset.parts
+                new = conditioned(model.believing(belief).with_bodies(part.bodies), own)
+                parts.append((rows, _stated(new.predict(part.state, part.action))))
         return joined([one for _, one in parts], np.concatenate([rows for rows, _ in parts]))
 
     def recorded(self, surface: str) -> tuple[KnownBody, ...]:
         """Return the bodies of the training, as a belief for a surface has them."""
-        assert self.row.on is not None
-        learned = self.row.on.fit(self.train, self.own.select(np.zeros(0, np.int64)))
-        assert isinstance(learned, Physics)
+        learned = self.row.identified(self.train)
         return known_bodies(learned.population, self.train.dataset, surface)
 
-    def of_new(
-        self,
-        model: SainDynamics,
-        regions: Intervals,
-        pushes: PushTable,
-        bodies: tuple[KnownBody, ...],
-    ) -> Predicted:
-        """Predict pushes of a body by a model that is conditioned on its own pushes."""
-        (part,) = pushes.dataset.parts
-        pair = Pair(pushes.object[0], pushes.surface[0])
-        kind = replace(self.physics.population.kind_of(pair, own=False), corrected=True)
-        belief = replace(only(kind), bodies=bodies)
-        conditioned = model.believing(belief).with_bodies(part.bodies)
-        own = self.own.select(self.own.body == pushes.body[0])
-        for past in own.dataset.parts:
-            history = PushHistory(past.state, past.action, past.next_state)
-            conditioned = conditioned.condition(history)
-        rows = conditioned.now.of_rows(np.zeros(len(part), np.int64))
-        prediction = conditioned.predict_rows(part.state, part.action, rows)
-        factors = np.repeat(conditioned.widening[:, None], len(part), axis=1)
-        return _stated(prediction, part, regions, factors)
-
-    def regions_of_new(self, model: SainDynamics) -> Intervals:
+    def regions_of_new(self, model: SainDynamics, pushes: PushTable) -> Intervals:
         """Return regions for bodies that nothing is known of but as many own pushes as here.
 
-        They are fitted to bodies of the training, each predicted from so few of its pushes.
+        They are fitted to bodies of the training, each predicted like these from so few of its
+        pushes: without its object, and on a surface that is unknown if theirs are. The network
+        learned from these bodies, and adds nothing here.
         """
         count = int(np.unique(self.own.body, return_counts=True)[1].max()) if len(self.own) else 0
         few, others = _few_and_others(self.train, count)
-        population = self.physics.population
-        places = {pair: population.belief(pair)[0] for pair in population.shown}
-        unseen = {pair: one._replace(place=places[pair]) for pair, one in population.shown.items()}
-        new = replace(population, shown=unseen)
-        if count:
-            new = new.learn(pushes_of_bodies(few.dataset))
-        as_new = OfKnown(model, Physics(new), others)
-        parts = others.dataset.parts
-        return fit_regions([as_new.predicted(part, False) for part in parts], parts, STATED)
+        population, known = self.physics.population, np.isin(pushes.surface, self.train.surface)
+        parts, predictions, bodies, steps = [], [], [], []
+        for number, body in enumerate(np.unique(self.train.body)):
+            own, rest = (some.select(some.body == body) for some in (few, others))
+            (part,) = rest.dataset.parts
+            pair = Pair(rest.object[0], rest.surface[0] if known.all() else ANOTHER)
+            seen = {one: some for one, some in population.shown.items() if one.body != pair.body}
+            kind = replace(replace(population, shown=seen).kind_of(pair), corrected=True)
+            physics_alone = replace(only(kind), network_log_odds=-np.inf)
+            new = conditioned(model.believing(physics_alone).with_bodies(part.bodies), own)
+            parts += [*own.dataset.parts, part]
+            predictions += [new.predict_past()[1]] if len(own) else []
+            predictions.append(new.predict(part.state, part.action))
+            bodies.append(np.full(len(own) + len(rest), number))
+            steps.append(np.minimum(np.arange(len(own) + len(rest)), len(own)))
+        earlier = Known.earlier(np.concatenate(bodies), np.concatenate(steps))
+        return fit_regions(predictions, parts, earlier, STATED)
+
+
+def conditioned(model: SainDynamics, own: PushTable) -> SainDynamics:
+    """Return a model of a body that is conditioned on its own pushes."""
+    for past in own.dataset.parts:
+        model = model.condition(PushHistory(past.state, past.action, past.next_state))
+    return model
 
 
 def _few_and_others(pushes: PushTable, count: int) -> tuple[PushTable, PushTable]:
@@ -232,34 +262,9 @@ def _few_and_others(pushes: PushTable, count: int) -> tuple[PushTable, PushTable
     return pushes.select(np.sort(few)), pushes.select(np.sort(others))
 
 
-# --- regions --------------------------------------------------------------------------------------
-
-
-def _of_bodies(
-    intervals: Intervals, predictions: Sequence[Prediction], parts: Sequence[Part]
-) -> dict[str, Float[ndarray, "2"]]:
-    """Return the factors of regions of each body, from the errors of its pushes.
-
-    They are so large that regions with them hold the stated share of all pushes.
-    """
-    about = [with_regions(intervals, *pair) for pair in zip(predictions, parts, strict=True)]
-    each = [intervals.excess(*pair) for pair in zip(about, parts, strict=True)]
-    excess, names = np.concatenate(each, axis=1), np.concatenate([body_names(p) for p in parts])
-    bodies, place, counts = np.unique(names, return_inverse=True, return_counts=True)
-    totals = np.stack([np.bincount(place, row) for row in excess])
-    factors = intervals.widening(totals, counts)
-    usual = np.array(intervals.usual_log)
-    left = np.quantile(excess - np.log(factors[:, place]), intervals.level, axis=1) + usual
-    factors *= np.exp(left)[:, None]
-    return dict(zip(bodies.tolist(), factors.T, strict=True))
-
-
-def _stated(
-    prediction: Prediction, part: Part, regions: Intervals, factors: Float[ndarray, "2 M"]
-) -> Predicted:
+def _stated(prediction: Prediction) -> Predicted:
     """Return poses with regions."""
-    about = with_regions(regions, prediction, part).widened(factors)
-    sizes = (getattr(about, name)[:, 0] for name in PARTS[1:])
+    sizes = (getattr(prediction, name)[:, 0] for name in PARTS[1:])
     return Predicted(prediction.mean[:, 0, POSE], *sizes)
 
 

@@ -134,8 +134,12 @@ def test_files_that_are_not_sound_are_refused_and_never_unpickled(checkpoint, ki
         ),
         ("intervals", EMPTY | {"mid": {"way": -1.0}}, "Region.way is -1.0; it must be at least 0"),
         ("intervals", EMPTY | {"mid": 3}, "intervals: mid is 3; it must be"),
-        ("intervals", {"mid": {}, "turn": {}}, "intervals: they lack level, target, usual_log"),
-        ("intervals", EMPTY | {"usual_log": [0.0]}, "usual_log has 1 values; it must have 2"),
+        ("intervals", {"mid": {}, "turn": {}}, "intervals: they lack level, target, places"),
+        (
+            "intervals",
+            EMPTY | {"places": {"levels": [0.9]}},
+            "Law has levels .* it needs 4",
+        ),
     ],
 )
 def test_cards_that_are_not_sound_are_refused(checkpoint, field, value, message):

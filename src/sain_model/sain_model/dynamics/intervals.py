@@ -12,8 +12,10 @@ it is not looked at. What a, b, c, d and the factors are was fitted to validatio
 an arc at the body's circumscribed radius, with a score and factors of its own.
 
 A body or a world may be unlike those of these episodes. So a model compares the errors of earlier
-pushes with their regions. Bodies differ by a factor whose spread was fitted: regions follow it.
-Where errors are larger than any of these, regions widen further.
+pushes with their regions. Errors over regions have a distribution with heavy tails, times a factor
+of the body, which earlier pushes show (`Law`). The region is a quantile of the next error that is
+predicted so. Which quantile it is, is conformal: by it, regions held the stated share of the
+validation pushes, by the number of earlier pushes, and hardly less of any kind of world.
 """
 
 from collections.abc import Iterator
@@ -24,6 +26,7 @@ from typing import Any, Final, Self
 import numpy as np
 from jaxtyping import Float, Int
 from numpy import ndarray
+from scipy.special import betaln, fdtr, softmax
 
 from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError
@@ -34,11 +37,10 @@ from sain_core.transitions import PushHistory, Transitions
 from sain_core.types import Indices, Scalars, Scenes
 
 LEVEL: Final = 0.9  # share of the pushes whose region holds the disk
-LEAST_LOG: Final = -3.0  # smaller logarithms of error over radius count as this
-UNLIKE_ODDS: Final = 0.3  # that a world is unlike that of the validation episodes, beforehand
-UNLIKE_STD: Final = 2.0  # of the logarithm by which errors are larger there
-UNLIKE_SCATTER: Final = 1.0  # standard deviation of that logarithm over the pushes of an episode
-QUANTILE: Final = 1.28  # of a standard normal, at `LEVEL`
+LEAST: Final = 0.05  # smaller errors over regions count as this
+FACTORS: Final = np.linspace(-3.0, 6.0, 91)  # logarithms of a body's factor
+COUNTS: Final = (0, 1, 3, 10)  # earlier pushes, from which on the quantile is another one
+HEAVY: Final = 3.0  # degrees of freedom of Student's t, of the factors' logarithm beforehand
 
 
 @dataclass(frozen=True)
@@ -78,11 +80,59 @@ class Region(Config):
 
 
 @dataclass(frozen=True)
-class Intervals(Config):
-    """The regions of a model's disks; further disks are taken like the target.
+class Law(Config):
+    """The distribution of errors over regions: (error / (size factor))^2 is Fisher's F.
 
-    The logarithms of error over region are those of pushed bodies: of places, and of headings.
+    That is Student's t in so many dimensions. The factor is of a body, or of an episode.
     """
+
+    size: float = option(0.0, "of the errors over their regions; 0: regions stay", minimum=0.0)
+    dimensions: float = option(2.0, "degrees of freedom of the numerator", minimum=0.1)
+    tail: float = option(4.0, "degrees of freedom of the denominator", minimum=0.5)
+    bodies: float = option(0.5, "spread of the logarithm of the factor", minimum=0.01)
+    # the quantiles that are regions, from so many earlier pushes on as `COUNTS` says
+    levels: tuple[float, ...] = (LEVEL,) * len(COUNTS)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.levels) != len(COUNTS) or not all(0.0 < one <= 1.0 for one in self.levels):
+            raise ConfigError(
+                f"Law has levels {self.levels}; it needs {len(COUNTS)}, above 0 and at most 1"
+            )
+
+    def curves(self, ratio: Scalars) -> Float[ndarray, "M G"]:
+        """Return log densities of the logarithm of errors over regions (M,) at each factor."""
+        square = np.log(self.dimensions / self.tail) + 2.0 * np.log(self._over(ratio))
+        shape = 0.5 * self.dimensions, 0.5 * self.tail
+        return np.asarray(shape[0] * square - sum(shape) * np.logaddexp(0.0, square)) - betaln(
+            *shape
+        )
+
+    def posterior(self, total: Float[ndarray, "B G"]) -> Float[ndarray, "B G"]:
+        """Return probabilities of factors after pushes whose curves have these totals."""
+        before = -0.5 * (HEAVY + 1.0) * np.log1p((FACTORS / self.bodies) ** 2 / HEAVY)
+        return np.asarray(softmax(before + total, axis=1))
+
+    def below(self, ratio: Scalars) -> Float[ndarray, "M G"]:
+        """Return the probability of smaller errors over regions than these, at each factor."""
+        return np.asarray(fdtr(self.dimensions, self.tail, self._over(ratio) ** 2))
+
+    def quantile(self, total: Float[ndarray, "B G"], pushes: Int[ndarray, "B"]) -> Scalars:
+        """Return what regions are multiplied by after pushes whose curves have these totals."""
+        if self.size == 0.0:
+            return np.ones(len(pushes))
+        level = np.asarray(self.levels)[np.searchsorted(COUNTS, pushes, side="right") - 1]
+        shares = self.posterior(total) @ self.below(np.exp(FACTORS)).T  # (B, G)
+        rows = zip(level, shares, strict=True)
+        return np.exp([np.interp(*row, FACTORS) for row in rows])
+
+    def _over(self, ratio: Scalars) -> Float[ndarray, "M G"]:
+        return np.asarray(np.maximum(ratio, LEAST)[:, None] / (self.size * np.exp(FACTORS)))
+
+
+@dataclass(frozen=True)
+class Intervals(Config):
+    """The regions of a model's disks; further disks are taken like the target."""
 
     level: float = option(
         LEVEL, "share of pushes whose region holds the disk", minimum=0.01, maximum=0.99
@@ -90,12 +140,8 @@ class Intervals(Config):
     mid: Region = Region()  # of pushed bodies
     target: Region = Region()  # of others
     turn: Region = Region()  # of headings
-    usual_log: tuple[float, float] = (0.0, 0.0)  # mean logarithms of error over region
-    # their standard deviations; 0 of places: regions are never widened; 0 of headings: these have
-    # no regions
-    usual_log_std: tuple[float, float] = option((0.0, 0.0), "", minimum=0.0)
-    # how much of that is between bodies
-    bodies_log_std: tuple[float, float] = option((0.0, 0.0), "", minimum=0.0)
+    places: Law = Law()  # of errors of pushed bodies
+    headings: Law = Law()  # without a size, headings have no regions
 
     @classmethod
     def parse(cls, part: dict[str, Any]) -> Self:
@@ -106,45 +152,27 @@ class Intervals(Config):
 
     @property
     def adapts(self) -> bool:
-        """Whether earlier pushes can widen regions."""
-        return self.usual_log_std[0] > 0.0
+        """Whether earlier pushes change regions."""
+        return self.places.size > 0.0
 
-    def excess(self, prediction: "Prediction", pushes: Transitions) -> Float[ndarray, "2 M"]:
-        """Return the logarithms by which errors of pushed bodies are larger than usual.
+    def curves(self, prediction: "Prediction", pushes: Transitions) -> Float[ndarray, "M 2 G"]:
+        """Return what errors of pushed bodies say of their factors: of places and headings.
 
-        First those of places, then those of headings; 0 where these have no regions. Where pushes
-        were observed with noise, the regions include it.
+        0 where these have no regions. Where pushes were observed with noise, regions include it.
         """
-        usual = np.array(self.usual_log)[:, None]
-        logs = [_log_ratio(*part) for part in _errors_and_regions(prediction, pushes)]
-        logs += [np.broadcast_to(usual[1], logs[0].shape)] * (2 - len(logs))
-        return np.asarray(np.stack(logs) - usual)
+        found = np.zeros((len(pushes), 2, len(FACTORS)))
+        laws = self.places, self.headings
+        for column, ratio in enumerate(ratios(prediction, pushes)):
+            if laws[column].size > 0.0:
+                found[:, column] = laws[column].curves(ratio)
+        return found
 
     def widening(
-        self, total: Float[ndarray, "2 B"], pushes: Int[ndarray, "B"]
+        self, total: Float[ndarray, "B 2 G"], pushes: Int[ndarray, "B"]
     ) -> Float[ndarray, "2 B"]:
-        """Return factors of regions of places and headings after pushes with this total excess.
-
-        There are two hypotheses: errors are as usual, but for a factor of the body; or larger by a
-        logarithm that is normal with `UNLIKE_STD`. Its posterior mean, and what is open about it,
-        count by the posterior probability of the second one. Without a spread of bodies, regions
-        never become smaller.
-        """
-        count = np.maximum(pushes, 1)
-        mean = total / count
-        parts = self.usual_log_std, self.bodies_log_std
-        std, bodies = (np.array(part)[:, None] for part in parts)
-        usual, noise = std**2 / count + bodies**2, UNLIKE_SCATTER**2 / count
-        usual = np.maximum(usual, 1e-12)
-        wide = noise + UNLIKE_STD**2
-        evidence = 0.5 * (mean**2 * (1.0 / usual - 1.0 / wide) - np.log(wide / usual))
-        unlike = 1.0 / (1.0 + np.exp(-np.clip(evidence, -50.0, 50.0)) / UNLIKE_ODDS)
-        unlike = np.where(mean > 0.0, unlike, 0.0)
-        larger = mean * UNLIKE_STD**2 / wide
-        scatter = np.sqrt(UNLIKE_SCATTER**2 + noise * UNLIKE_STD**2 / wide)
-        log = unlike * (larger + QUANTILE * np.maximum(scatter - std, 0.0))
-        log += (1.0 - unlike) * mean * bodies**2 / usual
-        return np.asarray(np.where((pushes > 0) & (std > 0.0), np.exp(log), 1.0))
+        """Return factors of regions of places and headings after pushes with these curves."""
+        laws = self.places, self.headings
+        return np.stack([law.quantile(total[:, row], pushes) for row, law in enumerate(laws)])
 
     def about(
         self,
@@ -166,7 +194,7 @@ class Intervals(Config):
                 for each in (self.mid, self.target, self.turn)
             )
             radii[:, disk] = np.where(pushed == disk, mid, target)
-        turn = arcs / scenes[..., RADIUS] if self.usual_log_std[1] > 0.0 else None
+        turn = arcs / scenes[..., RADIUS] if self.headings.size > 0.0 else None
         return replace(opened, radius=radii, turn=turn)
 
 
@@ -192,21 +220,15 @@ class Prediction:
         return replace(self, radius=self.radius * factors[0][:, None], turn=turn)
 
 
-def _errors_and_regions(
-    prediction: Prediction, pushes: Transitions
-) -> Iterator[tuple[Scalars, Scalars]]:
-    """Yield errors of pushed bodies and their regions (M,): places [m], and headings [rad]."""
+def ratios(prediction: Prediction, pushes: Transitions) -> Iterator[Scalars]:
+    """Yield errors of pushed bodies over their regions (M,): of places, and of headings."""
     assert prediction.radius is not None
     row = np.arange(len(pushes)), pushed_bodies(pushes.action)
     off = (prediction.mean - pushes.next_state)[row]
     noise = np.zeros(len(pushes))
     if isinstance(pushes, PushHistory) and pushes.noise is not None:
         noise = REGION_STD * pushes.noise[row]
-    yield np.linalg.norm(off[:, POSITION], axis=-1), np.hypot(prediction.radius[row], noise)
+    yield np.linalg.norm(off[:, POSITION], axis=-1) / np.hypot(prediction.radius[row], noise)
     if prediction.turn is not None:
         arm = pushes.state[row][:, RADIUS]
-        yield np.abs(wrap_angle(off[:, THETA])), np.hypot(prediction.turn[row], noise / arm)
-
-
-def _log_ratio(off: Scalars, region: Scalars) -> Scalars:
-    return np.maximum(np.log(np.maximum(off, 1e-12) / region), LEAST_LOG)
+        yield np.abs(wrap_angle(off[:, THETA])) / np.hypot(prediction.turn[row], noise / arm)

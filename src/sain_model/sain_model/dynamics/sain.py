@@ -316,7 +316,7 @@ class SainDynamics(Model):
         prediction = self.predict_rows(
             scenes, pushes, self.now.of_rows(np.zeros(len(pushes), np.int64))
         )
-        if prediction.radius is None or (self.widening == 1.0).all():
+        if prediction.radius is None:
             return prediction
         return prediction.widened(np.repeat(self.widening[:, None], len(pushes), axis=1))
 
@@ -324,16 +324,21 @@ class SainDynamics(Model):
     def widening(self) -> Float[ndarray, "2"]:
         """The factors of its regions, of places and headings, from the errors of earlier pushes.
 
-        Each is predicted from those before it. No plan waits for this: only regions need it.
+        No plan waits for this: only regions need it.
         """
-        past, intervals = self.history, self.network and self.network.intervals
-        if past is None or not intervals or not intervals.adapts:
+        intervals = self.network and self.network.intervals
+        if not intervals or not intervals.adapts:
             return np.ones(2)
+        past, predicted = self.predict_past()
+        total = intervals.curves(predicted, past).sum(axis=0, keepdims=True)
+        return intervals.widening(total, np.array([len(past)]))[:, 0]
+
+    def predict_past(self) -> tuple[PushHistory, Prediction]:
+        """Return the earlier pushes, each predicted from those before it; not widened."""
+        past = self.history or PushHistory.empty(len(self.bodies))
         count, number = _earlier(len(past))
         rows = self.infer(self.observed(past), Known.first(len(past), count))
-        predicted = self.predict_rows(past.state, past.action, rows.of_rows(number))
-        total = intervals.excess(predicted, past).sum(axis=1, keepdims=True)
-        return intervals.widening(total, np.array([len(past)]))[:, 0]
+        return past, self.predict_rows(past.state, past.action, rows.of_rows(number))
 
     def observed(self, history: PushHistory) -> ObservedPushes:
         """Return the pushes of one episode for inference."""

@@ -224,7 +224,7 @@ def predict_with_history(
 ) -> Prediction:
     """Return predictions as in deployment, with what the episode's earlier pushes say.
 
-    Regions are wider where earlier errors were larger than in training. `rows`: what was inferred.
+    Regions follow the errors of earlier pushes. `rows`: what was inferred.
     """
     shaped = model.with_bodies(part.bodies)
     if not shaped.infers:
@@ -235,7 +235,7 @@ def predict_with_history(
     if not intervals or not intervals.adapts:
         return prediction
     known = earlier(part)
-    total = known.total(intervals.excess(prediction, part).T).T
+    total = known.total(intervals.curves(prediction, part))
     return prediction.widened(intervals.widening(total, known.counts))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -12,18 +13,22 @@ from scipy.optimize import minimize
 from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.types import Scalars
-from sain_model.data.dataset import Dataset, Part
-from sain_model.dynamics.identify import body_names, states_bodies
-from sain_model.dynamics.intervals import LEVEL, Intervals, Prediction, Region
+from sain_model.data.dataset import Part
+from sain_model.dynamics.intervals import COUNTS, LEVEL, Intervals, Law, Prediction, Region, ratios
 from sain_model.dynamics.sain import SainDynamics
 from sain_model.evaluation.errors import predict_with_history
+from sain_model.inference.evidence import Known
 from sain_model.network.features import elongations
 
 RESOLUTION: Final = 1e-6  # [m], differences below this do not count
 WINDOWS: Final = 7  # that the validation pushes are looked at in, in the order of their scores
 WINDOW_SHARE: Final = 1 / 3  # of the pushes in each of the overlapping windows
 FEW: Final = 60  # pushes below which there is one window
-FEW_BODIES: Final = 4  # fewer do not show how far bodies differ
+FEW_FIRST: Final = 20  # episodes of a world, likewise for their first pushes
+SLACK: Final = 0.03  # by which the share of a world may be smaller than that of all together
+FIRST: Final = (0.5, 1.5, 5.0, 0.3)  # size, dimensions, tail and spread of bodies: of the search,
+LOWEST: Final = (0.01, 0.3, 1.5, 0.05)  # and their limits
+HIGHEST: Final = (10.0, 4.0, 50.0, 3.0)
 STARTS: Final = (0.0, -2.0, -4.0)  # of the search, logarithms of the weights
 
 
@@ -33,15 +38,21 @@ def fit_intervals(sain: SainDynamics, *data: Part) -> Intervals:
     The model's weights were not fitted to this data. Friction is told as in deployment, by the
     episode's earlier pushes.
     """
-    return fit_regions([predict_with_history(sain, part) for part in data], data)
+    episodes, steps = (
+        np.concatenate([getattr(part, name) for part in data]) for name in ("episode", "step")
+    )
+    predictions = [predict_with_history(sain, part) for part in data]
+    return fit_regions(predictions, data, Known.earlier(episodes, steps))
 
 
 def fit_regions(
-    predictions: Sequence[Prediction],
-    data: Sequence[Part],
-    level: float = LEVEL,
+    predictions: Sequence[Prediction], data: Sequence[Part], known: Known, level: float = LEVEL
 ) -> Intervals:
-    """Return regions that hold bodies in a share `level` of predicted pushes."""
+    """Return regions that hold bodies in a share `level` of predicted pushes.
+
+    `known` are, of all parts together, the pushes whose errors the region of each push follows, as
+    in use: of a body, or of an episode. No push is among its own.
+    """
     pieces = [_scored(*piece) for piece in zip(predictions, data, strict=True)]
     configs = []
     for rows in range(3):  # places of pushed bodies and of others, turns
@@ -54,48 +65,55 @@ def fit_regions(
     mid, target, turn = configs
     mid = mid or Region()
     # Where scenes have one body, there are no others: theirs would be as the pushed one's.
-    intervals = Intervals(level, mid, target or mid, turn or Region())
-    intervals = replace(intervals, usual_log_std=(0.0, 0.0 if turn is None else 1.0))
-    return _with_default_errors(intervals, predictions, data)
-
-
-def _with_default_errors(
-    intervals: Intervals, predictions: Sequence[Prediction], data: Sequence[Part]
-) -> Intervals:
-    """Return intervals with the usual logarithms of error over region of pushed bodies.
-
-    Where the data name bodies, the spread is divided into that between and that within them.
-    """
-    each = []
-    for prediction, part in zip(predictions, data, strict=True):
-        each.append(intervals.excess(with_regions(intervals, prediction, part), part))
-    logs = np.concatenate(each, axis=1)
-    between = np.zeros(2)
-    if states_bodies(Dataset(tuple(data))):
-        between = _between(logs, np.concatenate([body_names(part) for part in data]))
-    mean, within = logs.mean(axis=1), np.sqrt(np.maximum(logs.var(axis=1) - between**2, 0.0))
-    turns = float(intervals.usual_log_std[1] > 0.0)  # 0: headings have no regions
-    usual, std, bodies = (
-        (float(places), turns * float(headings)) for places, headings in (mean, within, between)
+    intervals = Intervals(level, mid, target or mid, turn or Region(), headings=Law(size=1.0))
+    about = [with_regions(intervals, *piece) for piece in zip(predictions, data, strict=True)]
+    each = [list(ratios(*piece)) for piece in zip(about, data, strict=True)]
+    settings = np.concatenate([_settings(part) for part in data])
+    places, headings = (
+        fit_law(np.concatenate(some), known, settings, level) for some in zip(*each, strict=True)
     )
-    return replace(intervals, usual_log=usual, usual_log_std=std, bodies_log_std=bodies)
+    return replace(intervals, places=places, headings=headings if turn else Law())
+
+
+def fit_law(ratio: Scalars, known: Known, settings: ndarray, level: float) -> Law:
+    """Return the law of errors over regions (M,) in worlds with these names (M,).
+
+    It gives each error the highest density on average, given the known ones. Quantiles are split
+    conformal: a share `level` of the errors is below. In each world it is at most `SLACK` less,
+    and no less where no error is known, as nothing shows which world it is.
+    """
+
+    def law(parameters: Float[ndarray, "4"]) -> Law:
+        values = np.exp(np.clip(parameters, np.log(LOWEST), np.log(HIGHEST)))
+        return Law(*values.tolist())
+
+    def loss(parameters: Float[ndarray, "4"]) -> float:
+        one = law(parameters)
+        curves = one.curves(ratio)
+        mean = (one.posterior(known.total(curves)) * np.exp(curves)).sum(axis=1)
+        return float(-np.log(np.maximum(mean, 1e-12)).mean())
+
+    found = law(minimize(loss, np.log(FIRST), method="Nelder-Mead", options={"xatol": 0.01}).x)
+    below = (found.posterior(known.total(found.curves(ratio))) * found.below(ratio)).sum(axis=1)
+    levels: list[float] = []
+    names = np.unique(settings)
+    for low, high in pairwise((*COUNTS, np.inf)):
+        now = (low <= known.counts) & (known.counts < high)
+        few, least = (FEW, level - SLACK) if low else (FEW_FIRST, level)
+        worlds = [now & (settings == name) for name in names]
+        each = [_quantile(below[rows], least) for rows in worlds if rows.sum() >= few]
+        each += [_quantile(below[now], level)] if now.sum() >= FEW else []
+        levels.append(max(each or [_quantile(below, level), *levels[1:]][-1:]))
+    return replace(found, levels=tuple(levels))
+
+
+def _settings(part: Part) -> ndarray:
+    return np.full(len(part), "") if part.setting is None else part.setting
 
 
 def with_regions(intervals: Intervals, prediction: Prediction, data: Part) -> Prediction:
     """Return a prediction of data with its regions."""
     return intervals.about(prediction, data.state, pushed_bodies(data.action), _long(data))
-
-
-def _between(logs: Float[ndarray, "2 M"], bodies: ndarray) -> Float[ndarray, "2"]:
-    """Return the standard deviation between the means of bodies, less what chance makes of it."""
-    place = np.unique(bodies, return_inverse=True)[1]
-    counts = np.bincount(place)
-    if len(counts) < FEW_BODIES:
-        return np.zeros(2)
-    means = np.stack([np.bincount(place, row) / counts for row in logs])
-    left = ((logs - means[:, place]) ** 2).sum(axis=1) / max(len(place) - len(counts), 1)
-    chance = left * (1.0 / counts).mean()
-    return np.asarray(np.sqrt(np.maximum(means.var(axis=1, ddof=1) - chance, 0.0)))
 
 
 def _long(data: Part) -> Float[ndarray, "N"]:

@@ -66,7 +66,7 @@ def fit_kernel(
         told = torch.from_numpy((unit * predicted).astype(np.float32))[:, None, None]
         return mixed_loss(told, examples, rows, config).numpy()
 
-    fold = _folds(data.episode, config.seed)
+    fold = folds(data.episode, config.seed)
     each = np.stack([losses(_crossed(near, wanted, fold, ratio)) for ratio in RATIOS])
     more = each - each[each.mean(axis=1).argmin()]
     chosen = int(np.argmax(more.mean(axis=1) <= CERTAIN * more.std(axis=1) / np.sqrt(len(seen))))
@@ -90,7 +90,8 @@ def _scales(config: TrainingConfig) -> Float[ndarray, "F"]:
     return scales
 
 
-def _folds(episodes: ndarray, seed: int) -> ndarray:
+def folds(episodes: ndarray, seed: int) -> ndarray:
+    """Return the fold of each push (M,); those of an episode share one."""
     names, place = np.unique(episodes, return_inverse=True)
     return np.asarray((generator(seed, "folds").permutation(len(names)) % FOLDS)[place])
 
