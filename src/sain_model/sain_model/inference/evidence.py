@@ -2,8 +2,9 @@
 
 The error of a body has three parts: x, y, and its turn as a way. It has Student's t distribution
 with a scale that grows with the way of the body, times a factor that is one for all pushes of a
-row and unknown. Noise of the observation, where it is stated, is added to the scale. A grid of
-parameters is inferred by how well each of its places explains the pushes.
+row and unknown. A small share of errors are outliers: a body that somebody moved, a tool that
+slipped, a pose that was misread. Noise of the observation, where it is stated, is added to the
+scale. A grid of parameters is inferred by how well each of its places explains the pushes.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,6 +30,8 @@ SHAPE_NOISE: Final = 0.001  # [m], likewise of bodies with corners
 SHARE: Final = 0.02  # and by how much it grows, share of the way
 FACTORS: Final = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # equally likely beforehand
 TAIL: Final = 3.0  # degrees of freedom of Student's t: a push that nothing explains decides little
+OUTLIERS: Final = 0.05  # share of the errors that have nothing to do with the physics
+OUTLYING: Final = 0.03  # [m], and their scale
 SIZE: Final = 3  # of an error: x, y, and a turn as a way
 TURN_ARM: Final = 0.5  # [radii], on which a turn counts as a way
 
@@ -169,9 +172,29 @@ def errors_of(predicted: ndarray, truth: ndarray) -> Float[ndarray, "*B N 3"]:
 
 def log_density(errors: ndarray, scales: ndarray) -> Float[ndarray, "*B K"]:
     """Return the logarithm of the density of errors (*B, N, 3) for each of K scales (*B, N, K)."""
-    squared = (errors**2).sum(axis=-1)
-    terms = -0.5 * (TAIL + SIZE) * np.log1p(squared[..., None] / scales**2 / TAIL)
-    return np.asarray((terms - SIZE * np.log(scales)).sum(axis=-2))
+    return np.asarray(_log_mixture(errors, scales)[0].sum(axis=-2))
+
+
+def weights_of(errors: ndarray, scales: ndarray) -> Float[ndarray, "*B N K"]:
+    """Return what errors (*B, N, 3) count in least squares, for scales (*B, N, K).
+
+    They are the weights of Student's t, times the probability that an error is no outlier.
+    """
+    mixture, inlier = _log_mixture(errors, scales)
+    squared = (errors**2).sum(axis=-1)[..., None] / scales**2
+    return np.asarray((TAIL + SIZE) / (TAIL + squared) * np.exp(inlier - mixture))
+
+
+def _log_mixture(errors: ndarray, scales: ndarray) -> tuple[ndarray, ndarray]:
+    """Return logarithms (*B, N, K) of the density of errors, and of its part without outliers."""
+    squared = (errors**2).sum(axis=-1)[..., None]
+    inlier, outlier = (
+        np.log(share)
+        - 0.5 * (TAIL + SIZE) * np.log1p(squared / scale**2 / TAIL)
+        - SIZE * np.log(scale)
+        for share, scale in ((1.0 - OUTLIERS, scales), (OUTLIERS, np.hypot(scales, OUTLYING)))
+    )
+    return np.logaddexp(inlier, outlier), inlier
 
 
 def over_factors(log_densities: Float[ndarray, "*B K"]) -> Float[ndarray, "*B"]:

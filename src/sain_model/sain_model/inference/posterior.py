@@ -24,8 +24,6 @@ from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Mask, Pushes, Scalars, Scenes
 from sain_model.inference.evidence import (
     FACTORS,
-    SIZE,
-    TAIL,
     Known,
     ObservedPushes,
     curves_of,
@@ -33,6 +31,7 @@ from sain_model.inference.evidence import (
     log_density,
     marginals,
     over_factors,
+    weights_of,
 )
 from sain_model.inference.kinds import Belief, Kind, Places
 
@@ -110,8 +109,8 @@ class Normal:
     ) -> None:
         """Add what pushes with these errors show, which change so with the parameters."""
         scale = part.scales(factor[part.episode, None])
+        weight = weights_of(errors, scale[..., None])[..., 0]  # (P, N)
         errors, slopes = errors / scale[..., None], slopes / scale[..., None, None]
-        weight = (TAIL + SIZE) / (TAIL + (errors**2).sum(axis=-1))  # (P, N), of Student's t
         weighted = kind.temper * weight[..., None, None] * slopes
         np.add.at(self.information, part.episode, np.einsum("pnid,pnie->pde", weighted, slopes))
         np.add.at(self.pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
