@@ -15,6 +15,7 @@ from sain_core.shapes.outlines import trace
 from sain_core.shapes.shape import FLAT
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
+from sain_model.dynamics.identify import notices
 from sain_model.dynamics.sain import residual_model
 from sain_model.inference.kinds import BODY_ON_SURFACE, surface_kind
 from sain_model.network.interaction_network import InteractionNetwork
@@ -168,9 +169,9 @@ def mirrored(world: World, random: np.random.Generator) -> tuple[PushHistory, Wo
 CASES: dict[str, Case] = {
     "clean, 1": outlier(1, 0),
     "clean, 8": outlier(8, 0),
-    "clean, 20": outlier(20, 0),
     "another table": table(8, 0),
     "another table, then this one": table(8, 2),
+    "another table, then 5 here": table(8, 5),
     "another body": body(8, 0),
     "another body, then this one": body(8, 2),
     "outlier, 1 of 1": outlier(1, 1),
@@ -210,8 +211,54 @@ def errors(case: Case, disks: bool, draws: int = DRAWS) -> np.ndarray:
     return np.array(found)
 
 
-@pytest.mark.parametrize("disks", [False, True], ids=["flat", "disks"])
-@pytest.mark.parametrize("name", CASES)
+NOT_SHOWN = {  # by the history alone: its pushes agree with each other
+    ("another table", True): "no push on this table contradicts it",
+    ("tool slipped, 1 of 1", True): "a single short way is that of a table with more friction",
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "disks"),
+    [
+        pytest.param(
+            name, disks, marks=pytest.mark.xfail(reason=reason, strict=True) if reason else ()
+        )
+        for name in CASES
+        for disks in (False, True)
+        for reason in [NOT_SHOWN.get((name, disks))]
+    ],
+)
 def test_a_bad_history_is_not_worse_than_none(name, disks):
     without, with_it = errors(CASES[name], disks).mean(axis=0)
     assert with_it <= WORST * without
+
+
+@pytest.mark.parametrize(
+    ("case", "disks", "text"),
+    [
+        ("outlier, 2 of 8", True, "2 of 8 pushes fit no physics and hardly count"),
+        ("tool slipped, 2 of 8", True, "of 8 pushes fit no physics and hardly count"),
+        (
+            "another table, then 5 here",
+            True,
+            "do not count: later ones contradict them",
+        ),
+        ("touches nothing", False, "6 of 6 pushes touch nothing"),
+        ("out of order", False, "are out of order, or a body was moved by"),
+        ("mirrored", False, "its outline may be mirrored"),
+        ("clean, 8", True, ""),
+    ],
+)
+def test_a_bad_history_is_named(case, disks, text):
+    found = []
+    for seed in range(6):
+        random = np.random.default_rng((seed, 7))
+        history, _ = CASES[case](World.drawn(random, disks), random)
+        jumps = "" if text.startswith("are out") else "out of order"
+        said = "; ".join(
+            one
+            for one in notices(model_of(disks).condition(history))
+            if not jumps or jumps not in one
+        )
+        found.append(text in said if text else not said)
+    assert np.mean(found) > 0.5

@@ -75,6 +75,7 @@ def run(options: EvaluateModelOptions, console: Console) -> None:
         refused = {name: count for name, count in counts.items() if count is not None}
     errors = report(predictions, names, options.open_loop, options.seed)
     _write(options, errors, predictions, refused)
+    errors["unexplained"] = _unexplained(predictions, names[0])
     hashes = {name: origin.model_hash for name, origin in origins.items()}
     document = {
         "dataset": {"path": str(options.dataset), "sha256": data.sha256},
@@ -150,6 +151,20 @@ def _write(
     save_rollout_plot(picture, predictions, options.seed)
 
 
+def _unexplained(predictions: "list[Predictions]", name: str) -> str:
+    """Return in words how many pushes fit no physics, given their history; empty: all do."""
+    from sain_model.dynamics.identify import unexplained
+    from sain_model.evaluation.errors import HISTORY
+    from sain_model.inference.evidence import are_outliers
+
+    odd = []
+    for some in predictions:
+        after = some.by_name.get(name + HISTORY, some.by_name[name])[:, 0]
+        odd.append(are_outliers(after, some.part.select(some.windows.rows[:, 0])))
+    found = np.concatenate(odd)
+    return unexplained(int(found.sum()), len(found))
+
+
 def _open_loop_files(options: EvaluateModelOptions) -> list[Path]:
     """Return the files of table and picture, if rollouts are asked for."""
     stem = options.out.with_suffix("")
@@ -163,6 +178,8 @@ def _show(errors: "Figures", refused: dict[str, int], console: Console) -> None:
         console.print(table, soft_wrap=True)
     for name, count in refused.items():
         console.print(f"{name}: pushes of its rollouts that could not be carried out: {count}")
+    if errors["unexplained"]:
+        console.print(f"warning: {errors['unexplained']}", soft_wrap=True)
     console.print(f"{errors['transitions']} transitions of {errors['episodes']} episodes")
 
 

@@ -84,6 +84,8 @@ def _write(options: IdentifyOptions, belief: "Belief", console: Console) -> None
     card = belief.card | {"model": options.model, "command": ros2_command("sain_model", "identify")}
     for table in belief_tables(belief):
         console.print(table, soft_wrap=True)
+    for notice in card.get("notices", ()):
+        console.print(f"warning: {notice}", soft_wrap=True, markup=False, highlight=False)
     path = write_belief(options.out, replace(belief, card=card))
     console.print(f"{card['pushes']} pushes of {card['episodes']} episodes; written to {path}")
 

@@ -16,13 +16,18 @@ from jaxtyping import Float
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, DatasetError
+from sain_core.scene import POSITION, RADIUS
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outlines import trace
 from sain_core.shapes.shape import Shape
+from sain_core.types import Mask
 from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.sain import SainDynamics, recorded_errors
 from sain_model.inference.evidence import (
     FACTORS,
     Known,
     ObservedPushes,
+    are_outliers,
     curves_of,
     errors_of,
     log_density,
@@ -339,14 +344,89 @@ def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Bel
     textbook = replace(surface_kind(), corrected=True)
     population = infer_bodies(textbook, data, most)
     surface = surface or next_surface(population)
-    pushes = sum(len(part) for some in pushes_of_bodies(data, most).values() for part in some)
+    recorded = pushes_of_bodies(data, most)
+    pushes = sum(len(part) for some in recorded.values() for part in some)
     bodies = {
         str(pair): {name: float(value[0]) for name, value in textbook.values(place[None]).items()}
         for pair, (place, _, _) in population.shown.items()
     }
     kinds = another(population, surface), replace(textbook, name=NO_AXES, log_odds=UNLIKE)
+    odd = {
+        pair: np.concatenate([_outliers(population, pair, part) for part in some])
+        for pair, some in recorded.items()
+    }
+    wrong = [(pair, unexplained(int(rows.sum()), len(rows))) for pair, rows in odd.items()]
+    wrong += [(pair, mirrored(textbook, some[0])) for pair, some in recorded.items()]
     card = {"pushes": pushes, "episodes": len(bodies), "bodies": bodies}
+    card["notices"] = [f"{pair}: {text}" for pair, text in wrong if text]
     return Belief(kinds, card=card, bodies=known_bodies(population, data, surface))
+
+
+def _outliers(population: Population, pair: Pair, pushes: ObservedPushes) -> Mask:
+    """Return which pushes (M,) of a body its physics does not explain."""
+    values = population.kind.values(np.repeat(population.place(pair)[None], len(pushes), axis=0))
+    after = population.kind.step(pushes.bodies, pushes.state, pushes.action, values)
+    return are_outliers(after, pushes)
+
+
+MOVED_ASIDE: Final = 0.02  # [m], between two pushes
+FITS: Final = "do frames and outlines fit? An outline may be mirrored"
+MOST: Final = 0.5  # of the pushes, which fit no physics
+ENOUGH_TO_MIRROR: Final = 5  # pushes
+MIRRORED: Final = 0.5  # times the error: with a mirrored outline, less is no chance
+
+
+def unexplained(odd: int, of: int) -> str:
+    """Return in words that pushes fit no physics; empty: all do."""
+    more = f"; {FITS}" if odd > MOST * of else ""
+    return f"{odd:,} of {of:,} pushes fit no physics and hardly count{more}" if odd else ""
+
+
+def mirrored(kind: Kind, pushes: ObservedPushes) -> str:
+    """Return in words that a lone body moves as if its outline were mirrored; empty: not."""
+    shape = pushes.bodies.shapes[0]
+    if len(pushes.bodies) > 1 or shape.is_round or len(pushes) < ENOUGH_TO_MIRROR:
+        return ""
+    corners, errors = shape.outline(float(pushes.state[0, 0, RADIUS])), []
+    for signs in ((1.0, 1.0), (1.0, -1.0), (-1.0, 1.0)):
+        other = Bodies((trace(shape.name, corners * signs).shape.on(shape.bottom),))
+        after = kind.step(other, pushes.state, pushes.action, None)
+        off = np.linalg.norm(errors_of(after, pushes.next_state)[:, 0], axis=-1)
+        errors.append(float(np.median(off)))
+    if min(errors) >= MIRRORED * errors[0]:
+        return ""
+    return (
+        f"its outline may be mirrored: physics errs by {1e3 * errors[0]:.1f} mm, and by"
+        f" {1e3 * min(errors):.1f} mm with it mirrored"
+    )
+
+
+def notices(model: SainDynamics) -> list[str]:
+    """Return what is wrong with the earlier pushes that a model is conditioned on, in words."""
+    if (history := model.history) is None:
+        return []
+    pushes, first, found = model.observed(history), int(model.now.first[0]), []
+    rows = model.now.of_rows(np.zeros(len(pushes), np.int64))
+    odd = are_outliers(model.step_rows(pushes.state, pushes.action, rows)[0], pushes)[first:]
+    if first:
+        found.append(
+            f"pushes 1 to {first} of {len(pushes)} do not count: later ones contradict them, as"
+            " after a change of the body or the table"
+        )
+    kind = model.belief.about(model.bodies).likeliest
+    found += filter(None, [unexplained(int(odd.sum()), len(odd)), mirrored(kind, pushes)])
+    still = (history.state == history.next_state)[..., POSITION].all(axis=(1, 2))
+    if still.any():
+        found.append(f"{still.sum()} of {len(pushes)} pushes touch nothing and show nothing")
+    jump = history.state[1:] - history.next_state[:-1]
+    far = np.linalg.norm(jump[..., POSITION], axis=-1).max(axis=-1)
+    if (far > MOVED_ASIDE).any():
+        number = int(np.argmax(far > MOVED_ASIDE)) + 1
+        found.append(
+            f"pushes {number} and {number + 1} are out of order, or a body was moved by"
+            f" {1e3 * far[number - 1]:.0f} mm between them"
+        )
+    return found
 
 
 def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:

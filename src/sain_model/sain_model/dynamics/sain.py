@@ -358,7 +358,9 @@ class SainDynamics(Model):
         always = all(kind.corrected for kind in belief.kinds)
         corrected = trained & knows & (of_bodies | ~posterior.inferred | always)
         posterior = replace(posterior, corrected=corrected)
-        return posterior if self.network is None else self._judged(pushes, known, posterior)
+        if self.network is None:
+            return posterior
+        return self._judged(pushes, known.after(posterior.first), posterior)
 
     def _judged(self, pushes: ObservedPushes, known: Known, posterior: Posterior) -> Posterior:
         """Return whether the correction of each row holds, and what errors are left with it."""

@@ -18,6 +18,7 @@ from numpy import ndarray
 from scipy.sparse import csr_matrix
 from scipy.special import logsumexp
 
+from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION, RADIUS, THETA, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.transitions import Transitions
@@ -148,6 +149,13 @@ class Known:
         """Return some rows."""
         return type(self)(self.matrix[chosen])
 
+    def after(self, first: Int[ndarray, "R"]) -> Self:
+        """Return the rows without so many of their first pushes."""
+        place = np.arange(len(self.push)) - self.matrix.indptr[self.row]
+        keep = place >= first[self.row]
+        pairs = np.ones(int(keep.sum())), (self.row[keep], self.push[keep])
+        return type(self)(csr_matrix(pairs, shape=self.matrix.shape))
+
     def gather(self, values: Float[ndarray, "P *V"]) -> Float[ndarray, "R *V"]:
         """Return sums over the pairs of each row."""
         count = len(values)
@@ -183,6 +191,14 @@ def weights_of(errors: ndarray, scales: ndarray) -> Float[ndarray, "*B N K"]:
     mixture, inlier = _log_mixture(errors, scales)
     squared = (errors**2).sum(axis=-1)[..., None] / scales**2
     return np.asarray((TAIL + SIZE) / (TAIL + squared) * np.exp(inlier - mixture))
+
+
+def are_outliers(after: ndarray, pushes: ObservedPushes) -> Mask:
+    """Return which pushed bodies (M,) are so far from predicted scenes `after` (M, N, 8)."""
+    rows = np.arange(len(pushes)), pushed_bodies(pushes.action)
+    errors = errors_of(after, pushes.next_state)[rows][:, None]
+    mixture, inlier = _log_mixture(errors, pushes.scales(np.ones(1))[rows][:, None])
+    return np.asarray((mixture - inlier > np.log(2.0))[:, 0, 0])
 
 
 def _log_mixture(errors: ndarray, scales: ndarray) -> tuple[ndarray, ndarray]:

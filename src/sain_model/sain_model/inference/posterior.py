@@ -320,6 +320,8 @@ GROWING: Final = [int(4 * 1.1**power) for power in range(100)]
 COUNTS: Final = sorted({*range(1, 33), *GROWING})
 ANEW: Final = frozenset(GROWING[::4])  # there a fit from the grid is tried: a body may have changed
 STEPS: Final = 3  # of such a fit
+CHANGED: Final = float(np.log(0.05))  # of the probability that a body or a table changes
+LATEST: Final = 8  # pushes, of which two may show a change
 KEPT: Final = 64  # latest histories: of 500 pushes of two bodies, 32 MB
 
 
@@ -336,6 +338,8 @@ class Trace:
     at: Float[ndarray, "P D"]  # vectors z at which they were computed
     covariance: Float[ndarray, "D D"]
     log_evidence: float
+    first: int = 0  # pushes that do not count: later ones contradict them
+    earlier: float = 0.0  # logarithm of their evidence, which is part of that of all
 
     @classmethod
     def before(cls, kind: Kind, bodies: int) -> Self:
@@ -344,11 +348,40 @@ class Trace:
         slopes = np.empty((0, bodies, 3, size))
         return cls(np.zeros(size), slopes, np.empty((0, size)), kind.covariance, 0.0)
 
-    def then(self, kind: Kind, pushes: ObservedPushes, start: Float[ndarray, "D"]) -> Self:
+    def then(self, kind: Kind, pushes: ObservedPushes, curves: Float[ndarray, "P G K"]) -> Self:
         """Return what is believed after all of these pushes, of which the first are known.
 
-        `start` is what a grid shows of its parameters; others are 0 there.
+        `curves` are those of a grid. Where nothing that was known explains the latest pushes
+        better, the body or the table may have changed: if the evidence says so, the pushes before
+        do not count any more.
         """
+        found = self._grown(kind, pushes.select(slice(self.first, None)), curves[self.first :])
+        first = len(pushes) - self._unexplained(kind, pushes)
+        if first in (self.first, len(pushes)):
+            return found
+        latest = pushes.select(slice(first, None))
+        anew = replace(self.before(kind, pushes.disks), first=first)
+        anew = anew._grown(kind, latest, curves[first:])
+        explained = float(over_factors(_densities_at(kind, latest, found.place).sum(axis=0)))
+        changed = kind.temper * CHANGED
+        if anew.log_evidence + changed < explained:
+            return found
+        earlier = found.log_evidence - explained + changed
+        return replace(anew, log_evidence=earlier + anew.log_evidence, earlier=earlier)
+
+    def _unexplained(self, kind: Kind, pushes: ObservedPushes) -> int:
+        """Return how many of the latest pushes are more likely if nothing is known: 0, or 2 on."""
+        latest = pushes.select(slice(max(self.first, len(pushes) - LATEST), None))
+        usual, here = (
+            over_factors(_densities_at(kind, latest, place))
+            for place in (np.zeros_like(self.place), self.place)
+        )
+        lead = np.cumsum((usual - here)[::-1])
+        return int(lead.argmax()) + 1 if lead[1:].max(initial=0.0) > max(lead[0], 0.0) else 0
+
+    def _grown(self, kind: Kind, pushes: ObservedPushes, curves: Float[ndarray, "P G K"]) -> Self:
+        """Return what is believed after all pushes that count."""
+        start = marginals(kind, curves.sum(axis=0)[None]).places[0]
         places, parts, nothing = self.place[None].copy(), [pushes], np.zeros(1, np.int64)
         totals, other = _totals(kind, parts, places, together=False), None
         new = len(pushes) - len(self.at)
@@ -374,7 +407,16 @@ class Trace:
         normal = _normal(kind, pushes, places, slopes, totals)
         evidence = _log_evidence(kind, totals, normal, _best(kind, totals)[1])
         covariance = np.linalg.inv(normal.information[0] + kind.precision)
-        return type(self)(places[0], slopes, at, covariance, float(evidence[0]))
+        log_evidence = self.earlier + float(evidence[0])
+        return type(self)(places[0], slopes, at, covariance, log_evidence, self.first, self.earlier)
+
+
+def _densities_at(
+    kind: Kind, pushes: ObservedPushes, place: Float[ndarray, "D"]
+) -> Float[ndarray, "P K"]:
+    """Return the logarithm of the density of each push at a vector z, for each factor."""
+    errors = errors_at(kind, pushes, np.repeat(place[None], len(pushes), axis=0))
+    return kind.temper * log_density(errors, pushes.scales(FACTORS))
 
 
 def _normal(
@@ -406,9 +448,8 @@ def traces(kind: Kind, pushes: ObservedPushes, known: Known) -> list[Trace]:
                 chain = [(some, kept[0])]
                 break
         for some in steps[sum(len(some) <= len(chain[-1][0]) for some in steps) if chain else 0 :]:
-            start = marginals(kind, curves[some].sum(axis=0)[None]).places[0]
             last = chain[-1][1] if chain else before
-            chain.append((some, last.then(kind, pushes.select(some), start)))
+            chain.append((some, last.then(kind, pushes.select(some), curves[some])))
         found[number] = chain[-1][1]
     for some, trace in chain[-2:] if len(rows) == 1 else ():
         _place_of(kind, pushes.bodies, _key(pushes, some))[:] = [trace]
@@ -440,6 +481,7 @@ class Posterior:
     places: Places  # vectors z of that kind; 0 beyond its own parameters
     spreads: Places  # standard deviations of z
     corrected: Bool[ndarray, "R"]  # whether the network corrects it
+    first: Int[ndarray, "R"]  # pushes of the row that do not count: later ones contradict them
     memories: ndarray  # (R,) of `sain_model.dynamics.memory.Memory`, or None: no errors are known
 
     @classmethod
@@ -447,7 +489,8 @@ class Posterior:
         """Return rows with one kind of physics at vectors z (R, D)."""
         nothing = np.zeros(len(places), np.int64)
         memories, spreads = np.full(len(places), None), np.zeros_like(places)
-        return cls(belief, nothing + kind, nothing > 0, places, spreads, corrected, memories)
+        kinds, inferred = nothing + kind, nothing > 0
+        return cls(belief, kinds, inferred, places, spreads, corrected, nothing, memories)
 
     def of_rows(self, rows: Int[ndarray, "C"] | slice) -> Self:
         """Return some rows, any of them as often as its number is given."""
@@ -512,7 +555,7 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         np.stack([np.pad(p, ((0, 0), (0, width - p.shape[1]))) for p in parts], axis=1)[rows, best]
         for parts in ([one.places for one in alone], [one.spreads for one in alone])
     )
-    inferred = np.zeros(known.rows, dtype=bool)
+    inferred, first = np.zeros(known.rows, dtype=bool), np.zeros(known.rows, np.int64)
     for chosen, kind in _of_kinds(belief, best):
         some = chosen[known.counts[chosen] > 0]
         if not len(some) or len(kind.on_grid) == len(kind.names):
@@ -522,10 +565,10 @@ def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
         better = (together > log_evidence[some, best[some]]) | kind.of_bodies
         inferred[some] = better
         for row, one in zip(some[better], (found[i] for i in np.flatnonzero(better)), strict=True):
-            places[row, : len(kind.names)] = one.place
+            places[row, : len(kind.names)], first[row] = one.place, one.first
             spreads[row, : len(kind.names)] = np.sqrt(np.diag(one.covariance))
     memories = np.full(known.rows, None)
-    return Posterior(belief, best, inferred, places, spreads, inferred, memories)
+    return Posterior(belief, best, inferred, places, spreads, inferred, first, memories)
 
 
 def _of_kinds(belief: Belief, numbers: Int[ndarray, "R"]) -> list[tuple[Int[ndarray, "C"], Kind]]:

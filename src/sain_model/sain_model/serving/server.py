@@ -1,5 +1,6 @@
 """Answers what a model is asked over a wire: checked and bounded. No middleware here."""
 
+import logging
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -22,12 +23,15 @@ from sain_core.scene import MASS, OVERLAP_TOLERANCE, THETA, make_scene, wrap_ang
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies, check_scenes
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_model.dynamics.identify import notices
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.kinds import FRICTION
 from sain_model.physics.planar import PlanarPrior
 
 if TYPE_CHECKING:
     from sain_model.serving.service import ServingConfig
+
+logger = logging.getLogger(__name__)
 
 WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
@@ -36,6 +40,7 @@ WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]
 TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor
 SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
+MOST_NOTICES: Final = 16  # of histories, that are logged once
 SEEN_OVERLAP: Final = 0.02  # [m], of bodies with corners: cameras are not exact
 
 
@@ -54,6 +59,7 @@ class ModelServer:
             self.origin = dynamics.origin
         self._usual = dynamics
         self._learned: tuple[PushHistory, Bodies, Model] | None = None
+        self._noticed: tuple[str, ...] = ()  # the latest, which are not logged again
 
     def with_model(self, name: str, bodies: Bodies = PAPER_DISKS) -> "ModelServer":
         """Return a server of another model (see `load_server`) in a scene of bodies, for a planner.
@@ -99,8 +105,13 @@ class ModelServer:
         self.check_work(len(history) * trials, history.disks)
         kept = self._learned
         if kept is None or not (kept[0] is history or kept[0].equals(history)) or kept[1] != bodies:
-            self._learned = history, bodies, self._usual.with_bodies(bodies).condition(history)
-            return self._learned[2]
+            model = self._usual.with_bodies(bodies).condition(history)
+            self._learned = history, bodies, model
+            for notice in notices(model) if isinstance(model, SainDynamics) else ():
+                if notice not in self._noticed:
+                    logger.warning("earlier pushes: %s", notice)
+                    self._noticed = (*self._noticed[-MOST_NOTICES:], notice)
+            return model
         return kept[2]
 
     def friction(self, history: PushHistory | None, bodies: Bodies = PAPER_DISKS) -> float:
