@@ -3,16 +3,21 @@
     ./env python -m benchmarks.results.learning --out results/learning --lab rough_101   # each lab
     ./env python -m benchmarks.results.learning --out results/learning                   # figures
 
+With `--replay results/learning`, another learner learns from the same pushes: a tenth of the time.
 The planner brings targets to goals of `anywhere` within 0.5 cm, with the model in service in the
 laboratory. Every push is predicted by planar physics, by the shipped model, and by the model in
 service, all with the earlier pushes of the episode, before it is learned from. A training ends
 `TRAINING` pushes after it began, as on a robot that needs 6 s a push. What was stopped goes on.
+
+`others` is a table-like world that nothing here was fitted to: soft contacts, a tool that is off,
+friction that is twice as large along y, and in each episode bodies with other centres of mass.
 """
 
 import argparse
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import cos, hypot, pi, sin
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,23 +30,31 @@ from sain_core.output import claim_folder, write_json
 from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.shape import FLAT
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushArray, PushSequences, Scene
 from sain_core.world import AnyWorld
 from sain_eval.loop.play import Sight, play
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
-from sain_lab.learner import Learner, Update, prediction_error
+from sain_lab.learner import Learner
+from sain_lab.storage.laboratory import Laboratory
 from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent
+from sain_sim.engines import mujoco_cell
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.own import open_world
+from sain_sim.world.parameters import WorldParameters
 from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
+OTHERS: Final = "others"
+MOST_OFFSET: Final = 0.3  # [radii], of the centre of mass there
+GRAIN: Final = 2.0  # friction along y over friction along x there
 LABS: Final = {
     "mujoco": TruthConfig(engine=MUJOCO),
+    OTHERS: TruthConfig(MEASURED, "soft,offset,grip", lab=777, engine=MUJOCO, bottom=FLAT),
     **{f"rough_{lab}": TruthConfig(ROUGH, lab=lab, engine=BULLET) for lab in (101, 102, 103)},
     **{f"measured_{lab}": TruthConfig(MEASURED, lab=lab, engine=MUJOCO) for lab in (101, 102)},
 }
@@ -50,9 +63,29 @@ PUSHES: Final = 350
 TOLERANCE: Final = 0.005  # [m]
 TRAINING: Final = 10  # pushes
 NEXT: Final = 50  # pushes that the error of the next one is the mean of
-TARGETS: Final = {25: (0.8, 0.85), 100: (0.65, 0.75), 300: (0.55, 0.7)}  # measured: the second
-WORST: Final = 1.05
+TARGETS: Final = {25: (0.85, 0.95), 100: (0.75, 0.85), 300: (0.65, 0.8)}  # others: the second
+WORST: Final = 1.03
 SHIPPED, PLANAR, SERVICE = "shipped", "planar", "service"
+
+
+class GrainedCell(mujoco_cell.MujocoCell):
+    """A cell where friction is larger for bodies that move along the world's y."""
+
+    def advance(self) -> None:
+        """Simulate one control step."""
+        for feet, (x, y) in zip(self._feet, self.states().speeds[:, :2].tolist(), strict=True):
+            along = (y / way) ** 2 if (way := hypot(x, y)) > 1e-4 else 0.5
+            self._model.geom_friction[feet, 0] = GRAIN ** (along - 0.5) * self._slip[feet]
+        super().advance()
+
+
+def of_others(parameters: WorldParameters, seed: int) -> WorldParameters:
+    """Return a world where each body's centre of mass is anywhere."""
+    random, offsets = generator(seed, OTHERS), []
+    for _ in range(parameters.count):
+        away, bearing = MOST_OFFSET * random.uniform() ** 0.5, random.uniform(-pi, pi)
+        offsets.append((float(away * cos(bearing)), float(away * sin(bearing))))
+    return replace(parameters, roughness=replace(parameters.roughness, mass_offsets=tuple(offsets)))
 
 
 class InService:
@@ -83,22 +116,19 @@ class Watched(Sight):
     def __init__(
         self,
         world: AnyWorld[Any],
-        learn: Callable[[Result, PushHistory], None],
+        learn: Callable[[Result], None],
         bodies: Bodies,
         episode: str,
     ) -> None:
         super().__init__(world)
         self._learn, self._bodies, self._episode = learn, bodies, episode
-        self._history = PushHistory.empty(len(world.observe()))
 
     def push(self, push: PushArray, seen: Scene) -> Scene:
         """Execute a push, and learn from it."""
         before = self.world.observe()
         after = super().push(push, seen)
         if is_settled(after):
-            result = Result(push, before, after, bodies=self._bodies, episode=self._episode)
-            self._learn(result, self._history)
-            self._history = self._history.then(before, push, after)
+            self._learn(Result(push, before, after, bodies=self._bodies, episode=self._episode))
         return after
 
 
@@ -115,7 +145,6 @@ class Work:
         self.path = self.folder / f"{self.name}.jsonl"
         text = self.path.read_text() if self.path.exists() else ""
         self.rows = [json.loads(line) for line in text.splitlines()]
-        self.shipped = load_dynamics("sain")
         self.due: int | None = None
 
     def case(self, seed: int) -> ScenarioScene:
@@ -130,6 +159,8 @@ class Work:
         while len(self.rows) < pushes:
             case = self.case(seed)
             parameters = case.parameters()
+            if self.name == OTHERS:
+                parameters = of_others(parameters, seed)
             with open_world(parameters, WorldConfig(), engine=case.truth.engine) as world:
                 world.reset(case.disks)
                 agent = planning_agent(InService(self.learner), planar, config)
@@ -142,18 +173,19 @@ class Work:
                     print(f"{self.name} scene {seed}: {error}", flush=True)
             seed += 1
 
-    def learn(self, result: Result, history: PushHistory) -> None:
-        """Learn from a push, and keep what was measured of it."""
-        model = self.shipped.with_bodies(result.own_bodies).condition(history)
-        shipped = prediction_error(model.step(result.before[None], result.push[None])[0], result)
-        update = self.learner.observe(result)
-        self.take(update, shipped, int(result.episode.rpartition("/")[2]))
+    def replay(self, folder: Path, pushes: int) -> None:
+        """Learn from the first pushes of the same laboratory in another folder."""
+        records = Laboratory(folder / self.name).records()
+        results = [Result.of_record(record) for record in records if record["kind"] == "push"]
+        for result in results[len(self.rows) : pushes]:
+            self.learn(result)
 
-    def take(self, update: Update, shipped: float, seed: int) -> None:
-        """Keep what was measured of a push."""
-        service = update.errors.get(self.learner.state.judge.service, float("nan"))
-        row = {"seed": seed, SHIPPED: shipped, "errors": dict(update.errors), SERVICE: service}
-        row |= {"reason": update.reason, "model": self.learner.state.judge.service}
+    def learn(self, result: Result) -> None:
+        """Learn from a push, and keep what was measured of it."""
+        update, judge = self.learner.observe(result), self.learner.state.judge
+        service = update.errors.get(judge.service, float("nan"))
+        row = {"seed": int(result.episode.rpartition("/")[2]), "errors": dict(update.errors)}
+        row |= {SERVICE: service, "reason": update.reason, "model": judge.service}
         events = [f"{event.kind}: {event.text}" for event in update.events]
         if any(event.kind == "training" for event in update.events):
             self.due = len(self.rows) + TRAINING
@@ -172,7 +204,7 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
     """Yield the figures of a laboratory with their intervals."""
     rows = [row for row in rows if not row["reason"] and PLANAR in row["errors"]]
     planar = np.array([row["errors"][PLANAR] for row in rows])
-    shipped = np.array([row[SHIPPED] for row in rows])
+    shipped = np.array([row["errors"][SHIPPED] for row in rows])
     service = np.array([row[SERVICE] for row in rows])
     seeds = np.array([row["seed"] for row in rows])
 
@@ -183,7 +215,7 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
         some = slice(count, count + NEXT)
         if len(rows) < count + NEXT // 3:
             continue
-        most = targets[name.startswith(MEASURED)]
+        most = targets[name == OTHERS]
         found = ratio(service, planar, some)
         yield Figure(f"{name}: after {count} pushes, over planar", found[0], "", most), found
         found = ratio(service, shipped, some)
@@ -203,13 +235,19 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--lab", choices=tuple(LABS))
     parser.add_argument("--pushes", type=int, default=PUSHES)
+    parser.add_argument("--replay", type=Path, help="earlier --out, whose pushes are learned from")
     options = parser.parse_args()
     claim_folder(options.out, ("intervals.json",))
     if options.lab:
         compile_kernels()
+        if options.lab == OTHERS:
+            vars(mujoco_cell)["MujocoCell"] = GrainedCell
         with Learner.named(str((options.out / options.lab).absolute())) as learner:
             work = Work(options.lab, options.out, learner)
-            work.run(options.pushes)
+            if options.replay:
+                work.replay(options.replay, options.pushes)
+            else:
+                work.run(options.pushes)
         return
     figures, intervals = [], {}
     for name in LABS:

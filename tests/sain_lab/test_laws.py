@@ -36,7 +36,7 @@ class Training:
         self.path, self.running, self.problem = path, True, ""
 
     @classmethod
-    def start(cls, laboratory, since, pushes):
+    def start(cls, laboratory, pushes):
         return cls(laboratory.model_path(f"models/{pushes:06d}"))
 
     def finish(self):

@@ -10,10 +10,10 @@ from sain_core.model import load_dynamics
 from sain_lab.judging.curves import curves_of
 from sain_lab.learner import Learner
 from sain_lab.storage.laboratory import LOG, MANIFEST, Laboratory
-from sain_lab.storage.log import CHANGED, JUMPED, NOT_LEARNED, LogReader
+from sain_lab.storage.log import JUMPED, NOT_LEARNED, LogReader
 from tests.sain_lab.table import TRUE, SmallTable
 
-PUSHES = 24
+PUSHES = 36
 
 
 @pytest.fixture(scope="module")
@@ -123,10 +123,9 @@ def test_what_cannot_be_is_not_learned_from_and_said(tmp_path, change, reason):
 
 
 @pytest.mark.parametrize(
-    ("change", "event"),
-    [({"friction": 2 * TRUE.friction}, JUMPED), ({"length_offset": 0.006}, CHANGED)],
+    "change", [{"friction": 2 * TRUE.friction}, {"length_offset": 0.006}, {"tool_friction": 0.1}]
 )
-def test_a_table_that_changes_is_noticed_and_the_error_returns(tmp_path, change, event):
+def test_a_table_that_changes_is_noticed_and_the_error_returns(tmp_path, change):
     table, kinds, errors = SmallTable(pushes=5), [], []
     with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
         for _ in range(60):
@@ -136,5 +135,5 @@ def test_a_table_that_changes_is_noticed_and_the_error_returns(tmp_path, change,
             update = learner.observe(table.push())
             kinds += [event.kind for event in update.events]
             errors.append(update.errors["physics"])
-    assert kinds.count(event) == 1
+    assert kinds == [JUMPED]
     assert np.mean(errors[25:]) < 0.5 * np.mean(errors[:10])

@@ -111,7 +111,7 @@ def test_a_training_ends_with_the_process_that_began_it(tmp_path):
     code = (
         "import time; from pathlib import Path; from sain_lab.network_training import Training;"
         "from sain_lab.storage.laboratory import OpenLaboratory;"
-        f"one = Training.start(OpenLaboratory(Path({str(tmp_path / 'lab')!r})), 0, 50);"
+        f"one = Training.start(OpenLaboratory(Path({str(tmp_path / 'lab')!r})), 50);"
         "print(one._process.pid, flush=True); time.sleep(600)"
     )
     slow = os.environ | {"PYTHONPATH": f"{slowly(tmp_path)}:{os.environ.get('PYTHONPATH', '')}"}

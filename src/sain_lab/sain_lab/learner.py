@@ -15,8 +15,8 @@
 2. The state takes the record (`sain_lab.state`): beliefs and bets change.
 3. A network is trained in a process of its own (`sain_lab.network_training`) when the pushes have
    grown by half since the last one. It becomes the candidate, and is judged on the pushes that came
-   while it was trained. It goes into service when it errs less beyond chance on pushes that it has
-   not seen, and out when it errs more (`sain_lab.judging.sequential_test`).
+   while it was trained. What errs less beyond chance, on pushes that it has not seen, goes into
+   service (`sain_lab.judging.judge`).
 
 All state is in the log: a learner that opens a laboratory reads it, goes on with a training that
 was begun, and finds in `waiting` what was received and not learned from.
@@ -37,12 +37,12 @@ from sain_core.push import pushed_bodies
 from sain_core.scene import POSITION
 from sain_core.transitions import MOVED, PushHistory
 from sain_core.types import Scene
-from sain_lab.judging.judge import RECENT
 from sain_lab.network_training import Training
-from sain_lab.serving import load_service, model_name
+from sain_lab.serving import load_service, model_name, on_belief
 from sain_lab.state import Job, State
 from sain_lab.storage import log
 from sain_lab.storage.laboratory import (
+    NETWORK,
     PHYSICS,
     PLANAR,
     SHIPPED,
@@ -54,7 +54,7 @@ from sain_lab.storage.log import Event
 from sain_lab.storage.results import Result, why_not
 from sain_model.dynamics.load import load_shipped
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.kinds import FRICTION, write_belief
+from sain_model.inference.kinds import write_belief
 
 
 class Contenders:
@@ -70,7 +70,8 @@ class Contenders:
             return self._state.believer.model
         if name not in self._models:
             self._models[name] = load_service(self._laboratory, name)
-        return self._models[name]
+        model = self._models[name]
+        return on_belief(model, self._state.believer.belief) if NETWORK.fullmatch(name) else model
 
     def error(self, name: str, result: Result, history: PushHistory) -> float | None:
         """Return the error [mm] of a contender on a push; None: it predicts none such.
@@ -81,8 +82,6 @@ class Contenders:
         model: SainDynamics | None
         if result.object and name != PLANAR:
             model = self._state.bodies.model(result) if name == PHYSICS else None
-        elif name == RECENT:
-            model = self._state.believer.recent(self._state.recent)
         else:
             model = self.model(name)
         return None if model is None else error_of(model, result, history)
@@ -232,7 +231,7 @@ class Learner:
                 self._contenders.model(job.service)
             except CheckpointError:  # it was not written whole before this learner began
                 if self._trains:
-                    self._training = Training.start(self.laboratory, job.since, job.pushes)
+                    self._training = Training.start(self.laboratory, job.pushes)
                 return
         self._training = None
         self._finish(job, problem)
@@ -313,19 +312,16 @@ class Learner:
         """Decide until nothing follows any more, and write what others load."""
         while (decision := self.state.judge.decide()) is not None:
             kind, text, about = decision
-            if kind == log.CHANGED:
-                about = about | {"anchor": self.state.believer.values}
             self._log(kind, text, **about)
         self._publish()
 
     def _notice_jump(self) -> None:
-        """Say once that friction has jumped; the belief has counted with it already."""
-        before = self.state.believer.jumped
-        if before and not self.state.jumped:
-            now = self.state.believer.values[FRICTION]
-            text = f"friction with the table is {now:.3g}; it was {before:.3g}"
-            self._log(log.JUMPED, text, before=before, now=now)
-        self.state.jumped = bool(before)
+        """Say once that parameters have jumped; the belief has counted with it already."""
+        jumped, now = self.state.believer.jumped, self.state.believer.values
+        if jumped and not self.state.jumped:
+            texts = [f"{name} is {now[name]:.3g}; it was {jumped[name]:.3g}" for name in jumped]
+            self._log(log.JUMPED, ", ".join(texts), was=jumped)
+        self.state.jumped = bool(jumped)
 
     def _publish(self) -> None:
         """Write what others load, where it has changed; remove networks of no use any more."""
@@ -338,7 +334,7 @@ class Learner:
             if state.pushes > state.stated:
                 values = (state.bodies if named else state.believer).parameters
                 self._append({"kind": "belief", "pushes": state.pushes, "parameters": values})
-        changed, manifest = changed and service == PHYSICS, self.laboratory.manifest
+        changed, manifest = changed and service not in (PLANAR, SHIPPED), self.laboratory.manifest
         if changed or service != manifest.service:
             self.laboratory.state(service=service, generation=manifest.generation + 1)
         used = {service, state.judge.candidate, state.training.service if state.training else ""}
@@ -355,11 +351,10 @@ class Learner:
         state = self.state
         if state.training is not None or not self._trains or state.unnamed < FIRST_TRAINING:
             return
-        own, before = state.pushes - state.since, state.trained_at - state.since
-        if own < max(FIRST_TRAINING, GROWTH * before):
+        if state.pushes < max(FIRST_TRAINING, GROWTH * state.trained_at):
             return
-        service, text = service_of(state.pushes), f"a network is trained on {own} pushes"
-        self._log(log.TRAINING, text, model=service, since=state.since)
+        service, text = service_of(state.pushes), f"a network is trained on {state.pushes} pushes"
+        self._log(log.TRAINING, text, model=service)
         try:
             self.laboratory.check_network(service)
         except OutputError as error:
@@ -369,8 +364,6 @@ class Learner:
 
     def _finish(self, job: Job, problem: str) -> None:
         """Make a trained network the candidate, judged on the pushes that came since."""
-        if not problem and job.since != self.state.since:
-            problem = "the table has changed during this time"
         try:
             model = None if problem else self._contenders.model(job.service)
         except CheckpointError as error:
@@ -386,7 +379,7 @@ class Learner:
                 unseen.append(None)  # counted below
         failed = unseen.count(None)
         text = (
-            f"a network was trained on {job.pushes - job.since} pushes, and judged on the"
+            f"a network was trained on {job.pushes} pushes, and judged on the"
             f" {len(unseen)} since" + (f", of which it does not predict {failed}" if failed else "")
         )
         self._log(log.TRAINED, text, model=job.service, unseen=unseen)

@@ -1,6 +1,6 @@
 """Trains a network of a laboratory: the residual of the believed physics, in a process of its own.
 
-``python -m sain_lab.network_training LABORATORY SINCE PUSHES`` has one thread and the lowest
+``python -m sain_lab.network_training LABORATORY PUSHES`` has one thread and the lowest
 priority, and ends with its standard input, so with the process that started it. It reads the log as
 it is, and writes a checkpoint. An episode's other pushes show its friction, as in
 ``sain_model train``. The network sees places and headings in the world, which the shipped one does
@@ -61,9 +61,9 @@ class Training:
         self._process = process
 
     @classmethod
-    def start(cls, laboratory: Laboratory, since: int, pushes: int) -> Self:
-        """Start to train on the pushes of a laboratory behind the first, up to a number."""
-        words = str(laboratory.path), str(since), str(pushes)
+    def start(cls, laboratory: Laboratory, pushes: int) -> Self:
+        """Start to train on so many pushes of a laboratory."""
+        words = str(laboratory.path), str(pushes)
         command = [sys.executable, "-m", "sain_lab.network_training", *words]
         process = subprocess.Popen(
             ["nice", "-n", str(NICE), *command],
@@ -100,8 +100,8 @@ class Training:
         self._process.communicate()
 
 
-def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
-    """Train on the pushes of a laboratory from one number to another; return the checkpoint.
+def train(laboratory: Laboratory, pushes: int) -> Path:
+    """Train on so many pushes of a laboratory; return the checkpoint.
 
     Raises `SainError`: too few episodes, or the laboratory is damaged.
     """
@@ -109,7 +109,7 @@ def train(laboratory: Laboratory, since: int, pushes: int) -> Path:
     from sain_model.training.fit import fit, make_card
 
     kind = replace(read_belief(laboratory.belief_path).likeliest, corrected=True)
-    data = data_of(latest(laboratory, since, pushes))
+    data = data_of(latest(laboratory, pushes))
     config = settings(kind, len(data))
     split = split_by_episode(data, config.seed, config.validation, 0.0)
     with tempfile.TemporaryDirectory() as state:
@@ -139,10 +139,10 @@ def settings(kind: Kind, pushes: int) -> TrainingConfig:
     )
 
 
-def latest(laboratory: Laboratory, since: int, pushes: int) -> list[Result]:
-    """Return the latest pushes of a laboratory between two numbers, of bodies without a name."""
+def latest(laboratory: Laboratory, pushes: int) -> list[Result]:
+    """Return the latest of the first pushes of a laboratory, of bodies without a name."""
     found: deque[Result] = deque(maxlen=MOST_PUSHES)
-    for record in islice(_pushes(laboratory), since, pushes):
+    for record in islice(_pushes(laboratory), pushes):
         result = Result.of_record(record)
         if not result.object:
             found.append(result)
@@ -171,12 +171,12 @@ def _end_with_input() -> None:
     os._exit(1)
 
 
-def main(path: str, since: str, pushes: str) -> int:
+def main(path: str, pushes: str) -> int:
     """Train, and return the exit code."""
     resource.setrlimit(resource.RLIMIT_CPU, (LONGEST, LONGEST))
     Thread(target=_end_with_input, daemon=True).start()
     try:
-        train(Laboratory(Path(path)), int(since), int(pushes))
+        train(Laboratory(Path(path)), int(pushes))
     except SainError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -1,13 +1,13 @@
 """What is in service in a laboratory, as a model: ``lab:NAME`` wherever a model has a name."""
 
+from dataclasses import replace
 from pathlib import Path
 
-from sain_lab.physics import physics_model
 from sain_lab.storage.laboratory import PHYSICS, PLANAR, PREFIX, SHIPPED, Laboratory
 from sain_model.dynamics.load import load_checkpoint, load_shipped
 from sain_model.dynamics.priors import load_planar
 from sain_model.dynamics.sain import SainDynamics
-from sain_model.inference.kinds import read_belief
+from sain_model.inference.kinds import Belief, read_belief
 
 
 def load_in_service(name: str) -> SainDynamics:
@@ -28,13 +28,29 @@ def load_service(laboratory: Laboratory, service: str) -> SainDynamics:
         return load_planar()
     if service == SHIPPED:
         return load_shipped()
-    return load_checkpoint(laboratory.model_path(service))
+    network = load_checkpoint(laboratory.model_path(service))
+    if not laboratory.belief_path.exists():
+        return network
+    return on_belief(network, read_belief(laboratory.belief_path))
+
+
+def on_belief(network: SainDynamics, belief: Belief) -> SainDynamics:
+    """Return a network of a laboratory on the physics that is believed there now.
+
+    It stays on its own physics where another kind has become the likeliest.
+    """
+    kind = replace(belief.likeliest, corrected=True)
+    if kind.of_bodies or kind.has_axes != network.belief.trained.has_axes:
+        return network
+    return network.believing(Belief((kind,)))
 
 
 def believed(laboratory: Laboratory) -> SainDynamics:
     """Return the physics as it is believed; raises `CheckpointError`."""
-    path = laboratory.belief_path
-    return physics_model(read_belief(path)) if path.exists() else load_shipped()
+    if not laboratory.belief_path.exists():
+        return load_shipped()
+    belief = read_belief(laboratory.belief_path)
+    return SainDynamics(belief) if belief.likeliest.of_bodies else load_shipped().believing(belief)
 
 
 def model_name(path: Path) -> str:

@@ -25,16 +25,14 @@ from sain_lab.storage.results import Result, history_of
 from sain_model.dynamics.sain import SainDynamics
 from sain_mppi.agent.agent import MOST_PUSHES
 
-RECENT_PUSHES: Final = 12  # that show whether the table has changed
 MOST_JUMP: Final = (0.003, 0.05)  # [m], [rad], that a body may move between two pushes
 BEFORE: Final = "it was learned from before"
 
 
 @dataclass(frozen=True)
 class Job:
-    """A training: on the pushes of a laboratory from one number to another, into this folder."""
+    """A training: on so many pushes of a laboratory, into this folder."""
 
-    since: int
     pushes: int
     service: str
 
@@ -48,7 +46,6 @@ class State:
         judge: the bets between contenders.
         pushes: learned from.
         seen: by identity and digest of each result that was taken, why it is not taken again.
-        since: number of the first push that still counts.
         trained_at: pushes at the latest training.
         stated: likewise when parameters were logged last.
         unnamed: pushes of bodies without a name, which networks learn from.
@@ -56,20 +53,18 @@ class State:
         unseen: pushes since its begin, each with the history of its episode.
         networks: folders of all trainings.
         problems: texts of what failed and was logged once.
-        jumped: whether a jump of friction was logged.
-        recent: the latest pushes.
+        jumped: whether it was logged that parameters have jumped.
     """
 
     def __init__(self, shipped: SainDynamics) -> None:
         self.believer, self.bodies, self.judge = Believer(shipped), BodyBeliever(), Judge()
-        self.pushes = self.since = self.trained_at = self.stated = self.unnamed = 0
+        self.pushes = self.trained_at = self.stated = self.unnamed = 0
         self.seen: dict[str, str] = {}
         self.training: Job | None = None
         self.unseen: list[tuple[Result, PushHistory]] = []
         self.networks: set[str] = set()
         self.problems: set[str] = set()
         self.jumped = False
-        self.recent: deque[Result] = deque(maxlen=RECENT_PUSHES)
         self._episode = ""  # the running one
         self._latest: deque[Result] = deque()  # its pushes that a model is conditioned on
         self._last: Scene | None = None  # where it is now
@@ -90,7 +85,7 @@ class State:
     def _take_event(self, kind: str, record: Mapping[str, Any], about: Mapping[str, Any]) -> None:
         match kind:
             case log.TRAINING:
-                self.training = Job(about["since"], record["pushes"], about["model"])
+                self.training = Job(record["pushes"], about["model"])
                 self.trained_at, self.unseen = record["pushes"], []
                 self.networks.add(about["model"])
             case log.TRAINED | log.FAILED:
@@ -98,8 +93,6 @@ class State:
                 self.networks |= {about["model"]} if kind == log.TRAINED else set()
             case log.JUMPED:
                 self.jumped = True
-            case log.CHANGED:
-                self._begin_anew(about["keep"], about["anchor"])
             case log.NOT_PREDICTED | log.NOT_REMOVED:
                 self.problems.add(record["text"])
             case log.NOT_LEARNED:
@@ -107,18 +100,12 @@ class State:
                 if "after" in about:
                     self._note(about["episode"], np.array(about["after"], np.float64))
 
-    def _begin_anew(self, keep: int, anchor: Mapping[str, float]) -> None:
-        """Leave pushes out that are older than a change of the table."""
-        self.believer.forget(max(keep - len(self._latest), 0), anchor)
-        self.since = self.trained_at = max(self.pushes - keep, 0)
-
     def _learn(self, result: Result, errors: Mapping[str, float]) -> None:
         self.seen |= {result.identity: BEFORE, result.digest: BEFORE}
         if self.training is not None:
             self.unseen.append((result, self.history(result)))
         self._note(result.episode or result.identity, result.after)
         self._latest.append(result)
-        self.recent.append(result)
         while len(self._latest) > MOST_PUSHES:
             self._believe(self._latest.popleft())
         self.pushes += 1

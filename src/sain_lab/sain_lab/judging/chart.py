@@ -10,7 +10,7 @@ from sain_core.view.figures import TEXT, new_figure, style_axes
 from sain_core.view.palette import PALETTE
 from sain_lab.judging.curves import SERVICE, WINDOW, Curves, running
 from sain_lab.storage.laboratory import PHYSICS, PLANAR
-from sain_lab.storage.log import CHANGED, DROPPED, JUMPED, LOADED
+from sain_lab.storage.log import DROPPED, JUMPED, LOADED
 from sain_model.physics.parameters import BY_NAME
 
 LINES: Final = {
@@ -21,7 +21,6 @@ LINES: Final = {
 MARKS: Final = {
     LOADED: PALETTE.predicted,
     DROPPED: PALETTE.alarm,
-    CHANGED: PALETTE.ink,
     JUMPED: PALETTE.ink,
 }
 MOST_PARAMETERS: Final = 6  # those that grew sharpest

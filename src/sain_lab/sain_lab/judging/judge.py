@@ -1,136 +1,96 @@
 """Who predicts best: the contenders of a laboratory, and which of them is in service.
 
-Decisions follow from the errors on pushes that no contender had learned from, in the order of time,
-by bets that stay valid when looked at after each push (`sain_lab.judging.sequential_test`).
+Each push is predicted by all of them before anything is learned from it. What counts is how much
+they erred, older pushes less (prequential selection; Dawid 1984). Another contender comes into
+service when it has erred less beyond chance: by `CERTAIN` standard errors of the difference, over
+`FEWEST` pushes or more. The others stay contenders: the shipped model and planar physics for ever,
+a network until the next one is trained.
 
-Two challengers may replace what is in service: the shipped model, from the first push on, and the
-latest network of the laboratory. A network is also judged on the pushes that came while it was
-trained.
+A network corrects the physics that is believed. So it counts as having erred as much as that before
+it was trained, and is judged first on the pushes that came during its training.
 """
 
+from collections import deque
 from collections.abc import Mapping
 from typing import Any, Final
 
-from sain_lab.judging.sequential_test import Bet
-from sain_lab.storage.laboratory import PHYSICS, PLANAR, SHIPPED
-from sain_lab.storage.log import CHANGED, DROPPED, FAILED, LEFT_OUT, LOADED, TRAINED, TRAINING
+import numpy as np
+
+from sain_lab.storage.laboratory import NETWORK, PHYSICS, PLANAR, SHIPPED
+from sain_lab.storage.log import DROPPED, LEFT_OUT, LOADED, TRAINED
 
 Decision = tuple[str, str, dict[str, Any]]  # kind and text of an event, and more about it
-Bets = dict[str, Bet]  # that a challenger errs less than these
 
-
-RECENT: Final = "recent"  # physics by the latest pushes alone: it notices a change
-WORTH: Final = 0.5  # share of the error: a smaller gain is no change of the table
-SUSPECTED: Final = 20.0  # wealth: to begin anew from what is believed costs little
+FADING: Final = 0.98  # what a push counts, of what the next one counts
+KEPT: Final = 200  # pushes
+MOST: Final = 3.0  # medians of the errors of planar physics: larger errors count as this one
+CERTAIN: Final = 2.0  # standard errors
+FEWEST: Final = 20  # pushes that two contenders predict differently
 
 
 class Judge:
-    """Keeps the bets between contenders."""
+    """Keeps what the contenders erred.
+
+    Attributes:
+        service: the contender in service.
+        candidate: the latest network that is not in service; empty: there is none.
+    """
 
     def __init__(self) -> None:
         self.service: str = PHYSICS
         self.candidate = ""
-        self._unseen: list[Mapping[str, float]] = []  # errors on pushes during a training
-        self._trains = False
-        self._begin()
-        self.changed = _of_change()
-
-    def _begin(self) -> None:
-        self.worse = Bet(resets=True)  # that physics errs less than what else is in service
-        self.fallback = Bet(resets=True)  # that the other of physics and planar errs less
-        self.better: Bets = {}  # of the candidate
-        self.of_shipped: Bets = {}
-
-    @property
-    def _others(self) -> tuple[str, ...]:
-        """What a challenger has to be better than."""
-        return tuple(dict.fromkeys((PHYSICS, self.service)))
-
-    @property
-    def _challengers(self) -> dict[str, Bets]:
-        bets = {SHIPPED: self.of_shipped, self.candidate: self.better}
-        return {name: some for name, some in bets.items() if name not in ("", self.service)}
+        self._rows: deque[dict[str, float]] = deque(maxlen=KEPT)  # errors [mm] by contender
 
     @property
     def contenders(self) -> tuple[str, ...]:
         """The names of all that predict each push."""
-        names = PLANAR, PHYSICS, RECENT, SHIPPED, self.service, self.candidate
+        names = PLANAR, PHYSICS, SHIPPED, self.service, self.candidate
         return tuple(dict.fromkeys(filter(None, names)))
 
     def update(self, errors: Mapping[str, float]) -> None:
         """Take the errors [mm] on a push."""
-        if self._trains:
-            self._unseen.append(errors)
-        physics = errors.get(PHYSICS)
-        if physics is None:
-            return
-        if RECENT in errors:
-            self.changed.update(errors[RECENT], physics)
-        if PLANAR in errors:
-            pair = errors[PLANAR], physics
-            self.fallback.update(*(pair[::-1] if self.service == PLANAR else pair))
-        if self.service not in (PHYSICS, PLANAR) and self.service in errors:
-            self.worse.update(physics, errors[self.service])
-        for name, bets in self._challengers.items():
-            self._bet(name, bets, errors)
+        self._rows.append(dict(errors))
 
-    def _bet(self, name: str, bets: Bets, errors: Mapping[str, float]) -> None:
-        for other in self._others if name in errors else ():
-            if other in errors:
-                bets.setdefault(other, Bet()).update(errors[name], errors[other])
+    def lead(self, name: str) -> float:
+        """Return by how many standard errors a contender has erred less than what is in service."""
+        planar = [row[PLANAR] for row in self._rows if PLANAR in row]
+        most, gains = MOST * float(np.median(planar or [np.inf])), []
+        for age, row in enumerate(reversed(self._rows)):
+            first, second = (self._error(row, one) for one in (name, self.service))
+            if first is not None and second is not None and first != second:
+                gains.append(FADING**age * (min(second, most) - min(first, most)))
+        if len(gains) < FEWEST:
+            return 0.0
+        return float(np.sum(gains) / max(np.linalg.norm(gains), 1e-9))
+
+    def _error(self, row: Mapping[str, float], name: str) -> float | None:
+        return row.get(name, row.get(PHYSICS) if NETWORK.fullmatch(name) else None)
 
     def decide(self) -> Decision | None:
         """Return what follows now; None: nothing. It counts once `take` has it."""
-        if self.changed.is_certain:
-            text = "the latest pushes contradict what is believed: older pushes are left out"
-            return CHANGED, text, {"service": PHYSICS, "keep": self.changed.growing}
-        if self.service not in (PHYSICS, PLANAR) and self.worse.is_certain:
-            return DROPPED, f"{self.service} errs more than physics", {"service": PHYSICS}
-        if self.fallback.is_certain and self.service == PHYSICS:
-            text = "the believed physics errs more than planar"
-            return DROPPED, text, {"service": PLANAR}
-        if self.fallback.is_certain and self.service == PLANAR:
-            text = "the believed physics errs less than planar"
-            return LOADED, text, {"service": PHYSICS}
-        for name, all_bets in self._challengers.items():
-            bets = [all_bets[other] for other in self._others if other in all_bets]
-            if bets and all(bet.is_certain for bet in bets):
-                text = f"{name} errs less than {' and '.join(self._others)}"
-                return LOADED, text, {"service": name}
-        return None
+        others = [name for name in self.contenders if name != self.service]
+        best = max(others, key=self.lead)
+        if self.lead(best) < CERTAIN:
+            return None
+        return LOADED, f"{best} errs less than {self.service}", {"service": best}
 
     def take(self, record: Mapping[str, Any]) -> None:
         """Take an event of the log."""
         kind, about = record["event"], record["about"]
-        if kind in (TRAINING, FAILED):
-            self._trains, self._unseen = kind == TRAINING, []
-        elif kind == TRAINED:
-            self._begin_candidate(about["model"], about["unseen"])
+        if kind == TRAINED:
+            self.candidate = about["model"]
+            unseen = reversed(about["unseen"])
+            for row, error in zip(reversed(self._rows), unseen, strict=False):
+                if error is not None:
+                    row[self.candidate] = error
         elif kind == LEFT_OUT and about["model"] == self.candidate:
             self.candidate = ""
-        elif kind in (LOADED, DROPPED, CHANGED):
+        elif kind in (LOADED, DROPPED):
             self._change_service(kind, about["service"])
 
-    def _begin_candidate(self, name: str, unseen: list[float | None]) -> None:
-        """Judge a new network, first on the pushes that came while it was trained."""
-        self.candidate = name
-        self.better = {other: bet.heir() for other, bet in self.better.items()}
-        for errors, error in zip(self._unseen, unseen, strict=False):
-            if error is not None:
-                self._bet(name, self.better, {**errors, name: error})
-        self._trains, self._unseen = False, []
-
     def _change_service(self, kind: str, service: str) -> None:
-        if service == self.candidate or kind == CHANGED:
+        before, self.service = self.service, service
+        if service == self.candidate:
             self.candidate = ""
-        self.service, proven = service, self.better.get(PHYSICS)
-        self._begin()
-        if kind == LOADED and proven is not None:
-            self.better[PHYSICS] = proven.heir()
-        if kind == CHANGED:
-            self.changed = _of_change()
-
-
-def _of_change() -> Bet:
-    """Return the bet that the latest pushes alone predict much better."""
-    return Bet(resets=True, alarm=SUSPECTED, worth=WORTH)
+        if kind == LOADED and NETWORK.fullmatch(before) and not self.candidate:
+            self.candidate = before

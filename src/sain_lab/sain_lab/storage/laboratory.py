@@ -286,8 +286,8 @@ def _are_numbers(value: Any) -> bool:
 
 
 ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events, by name
-    **dict.fromkeys(("pushes", "since", "keep"), _is_count),
-    **dict.fromkeys(("errors", "anchor"), _are_numbers),
+    **dict.fromkeys(("pushes",), _is_count),
+    **dict.fromkeys(("errors", "was"), _are_numbers),
     **dict.fromkeys(("id", "episode"), lambda text: isinstance(text, str)),
     "time": _is_number,
     "service": lambda name: name in (PHYSICS, PLANAR, SHIPPED) or NETWORK.fullmatch(name),
@@ -302,8 +302,7 @@ RECORDS: Final = ("push", "belief", "event", "end")
 NEEDED: Final = {  # by kinds of records and of events
     "push": ("errors",), "belief": ("pushes", "parameters"),
     log.LOADED: ("service",), log.DROPPED: ("service",), log.TRAINED: ("model", "unseen"),
-    log.TRAINING: ("model", "since"), log.LEFT_OUT: ("model",), log.NOT_LEARNED: ("id",),
-    log.CHANGED: ("service", "keep", "anchor"),
+    log.TRAINING: ("model",), log.LEFT_OUT: ("model",), log.NOT_LEARNED: ("id",),
 }  # fmt: skip
 
 

@@ -23,8 +23,8 @@ from sain_core.guarding.untrusted import MIB, is_file, open_regular
 from sain_core.provenance import FORMAT, other_format
 
 TRAINING, TRAINED, FAILED = "training", "trained", "training failed"
-LOADED, DROPPED, CHANGED = "loaded", "dropped", "table changed"
-JUMPED: Final = "friction changed"
+LOADED, DROPPED = "loaded", "dropped"
+JUMPED: Final = "table changed"
 NOT_LEARNED: Final = "not learned"
 NOT_PREDICTED: Final = "not predicted"
 LEFT_OUT: Final = "left out"

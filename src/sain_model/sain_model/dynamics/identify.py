@@ -1,8 +1,9 @@
 """What recordings of a laboratory, or of bodies on surfaces, say of the physics.
 
-All episodes of a laboratory share the parameters, but for those of which each has its own. What is
-compared between recordings are the kind of physics and the frictions: other parameters make up for
-each other, and another choice of bodies or pushes moves them.
+What the episodes of a laboratory have in common is told apart from what each has of its own
+(`sain_model.inference.episodes`). What is compared between recordings are the kind of physics and
+the frictions: other parameters make up for each other, and another choice of bodies or pushes moves
+them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,15 +24,13 @@ from sain_core.shapes.shape import Shape
 from sain_core.types import Mask
 from sain_model.data.dataset import Dataset, Part
 from sain_model.dynamics.sain import SainDynamics, recorded_errors
+from sain_model.inference.episodes import Episodes
 from sain_model.inference.evidence import (
     FACTORS,
-    Known,
     ObservedPushes,
     are_outliers,
-    curves_of,
     errors_of,
     log_density,
-    marginals,
 )
 from sain_model.inference.kinds import (
     CORRELATIONS,
@@ -42,24 +41,23 @@ from sain_model.inference.kinds import (
     Belief,
     Kind,
     KnownBody,
-    Places,
     default_belief,
     surface_kind,
 )
 from sain_model.inference.population import Pair, Population
-from sain_model.inference.posterior import Fit, Parts, Posterior, fit
+from sain_model.inference.posterior import Parts, Posterior
 from sain_model.physics.planar import PlanarPrior
 
-STEPS: Final = 25
+STEPS: Final = 10  # of a fit of each episode
+SWEEPS: Final = 3  # of fits of all episodes, each with what the others show
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
-LEAST_SPREAD: Final = 0.1  # of z: over episodes, and of what they share
 
 FRICTIONS: Final = (FRICTION, "tool_friction", "disk_friction")  # that have to agree
 CERTAIN_OF_KIND: Final = 20.0  # logarithm of the evidence
 CERTAIN: Final = 5.0  # standard deviations of a difference that is no chance
 LARGE: Final = 0.3  # [spreads], smaller differences of parameters do not matter
 LARGE_FRICTION: Final = 0.1  # [spreads], of a friction that all episodes of a recording share
-SHARED: Final = 0.1  # [spreads], less scatter over episodes means that they share the friction
+SHARED: Final = 0.3  # [spreads], less scatter over episodes means that they share the friction
 
 Recordings = Mapping[str, Parts]
 
@@ -78,8 +76,8 @@ def joined(recordings: Recordings) -> list[ObservedPushes]:
     return found
 
 
-def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
-    """Return fits of each kind to all recordings together.
+def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Episodes]:
+    """Return what all recordings together show of each kind.
 
     Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
@@ -95,54 +93,38 @@ def fit_recordings(kinds: Sequence[Kind], recordings: Recordings) -> list[Fit]:
     return fits
 
 
-def fit_laboratory(
-    kind: Kind, parts: Parts, start: Places | None = None, steps: int = STEPS
-) -> Fit:
-    """Return the parameters that explain the pushes of a laboratory best.
-
-    The search starts from vectors z of the episodes; None: from what a grid shows.
-    """
-    if start is None:
-        count = count_episodes(parts)
-        known = [Known.of_episodes(part.episode, count) for part in parts]
-        totals = sum(k.total(curves_of(kind, part)) for k, part in zip(known, parts, strict=True))
-        start = marginals(kind, np.asarray(totals)).places
-        shared = ~kind.of_episode
-        start[:, shared] = start[:, shared].mean(axis=0)
-    return fit(kind, parts, start, steps, together=True)
+def fit_laboratory(kind: Kind, parts: Parts) -> Episodes:
+    """Return what the episodes of a laboratory show of a kind."""
+    found, names = Episodes.before(kind), list(map(str, range(count_episodes(parts))))
+    for _ in range(SWEEPS):
+        found = found.learn(parts, names, STEPS)
+    return found
 
 
-def identified(fits: Sequence[Fit], network_log_odds: float, recordings: Recordings) -> Belief:
-    """Return the belief after a laboratory's recordings."""
-    best = max(map(_evidence, fits))
-    odds = float(np.clip(network_log_odds, -MOST_ODDS, MOST_ODDS))
-    return Belief(tuple(_kind(one, best) for one in fits), odds, _card(recordings, fits))
+def identified(model: SainDynamics, fits: Sequence[Episodes], recordings: Recordings) -> Belief:
+    """Return the belief of a model after a laboratory's recordings."""
+    best = max(fits, key=_evidence)
+    odds = float(np.clip(_network_odds(model, best, joined(recordings)), -MOST_ODDS, MOST_ODDS))
+    kinds = (
+        replace(one.next, log_odds=max(one.evidence - best.evidence, -MOST_ODDS), flat_log_odds=0.0)
+        for one in fits
+    )
+    return Belief(tuple(kinds), odds, _card(recordings, fits))
 
 
-def _kind(found: Fit, best: float) -> Kind:
-    kind, own = found.kind, found.kind.of_episode
-    covariance = found.shared_covariance + LEAST_SPREAD**2 * np.eye(len(own))
-    scatter = np.hypot(found.places.std(axis=0), LEAST_SPREAD) ** 2 + found.own_variances
-    covariance[own, own] = scatter[own]
-    odds = max(found.evidence - best, -MOST_ODDS)
-    believed = kind.believing(found.places.mean(axis=0), covariance)
-    return replace(believed, log_odds=odds, flat_log_odds=0.0)
-
-
-def _card(recordings: Recordings, fits: Sequence[Fit]) -> dict[str, Any]:
+def _card(recordings: Recordings, fits: Sequence[Episodes]) -> dict[str, Any]:
     return {
         "source": {name: sum(map(len, some)) for name, some in recordings.items()},
         "pushes": sum(len(part) for some in recordings.values() for part in some),
-        "episodes": len(fits[0].places),
+        "episodes": len(fits[0].at),
         "evidence": {one.kind.name: one.evidence for one in fits},
-        "noise_factor": {one.kind.name: float(one.factor[0]) for one in fits},
     }
 
 
 _evidence = attrgetter("evidence")
 
 
-def _check_alike(fits: Mapping[str, Sequence[Fit]], best: int) -> None:
+def _check_alike(fits: Mapping[str, Sequence[Episodes]], best: int) -> None:
     """Check what two recordings, by name, say of the kind of physics, and of frictions of the best.
 
     Raises `DatasetError`: they disagree; naming them and the parameter that differs most.
@@ -159,7 +141,7 @@ def _check_alike(fits: Mapping[str, Sequence[Fit]], best: int) -> None:
             )
     pair = [some[best] for some in both]
     kind, worst, message = pair[0].kind, 1.0, ""
-    means = np.stack([one.places.mean(axis=0) for one in pair])
+    means = np.stack([one.mean for one in pair])
     for column, parameter in enumerate(kind.parameters):
         apart = abs(means[0, column] - means[1, column])
         deviation, large = _difference(pair, column)
@@ -175,14 +157,13 @@ def _check_alike(fits: Mapping[str, Sequence[Fit]], best: int) -> None:
         raise DatasetError(message)
 
 
-def _difference(pair: Sequence[Fit], column: int) -> tuple[float, float]:
+def _difference(pair: Sequence[Episodes], column: int) -> tuple[float, float]:
     """Return the standard deviation of the difference of two values of z, and what is large."""
+    deviation = float(np.sqrt(sum(one.covariance[column, column] for one in pair)))
     if not pair[0].kind.of_episode[column]:
-        return float(np.sqrt(sum(one.shared_covariance[column, column] for one in pair))), LARGE
-    scatter = [float(one.places[:, column].std()) for one in pair]
-    counts = [len(one.places) for one in pair]
-    variance = sum(max(s, SHARED) ** 2 / n for s, n in zip(scatter, counts, strict=True))
-    return float(np.sqrt(variance)), LARGE_FRICTION if max(scatter) < SHARED else 1.0
+        return deviation, LARGE
+    scatter = max(float(np.sqrt(one.own[column])) for one in pair)
+    return deviation, LARGE_FRICTION if scatter < SHARED else 1.0
 
 
 RECALLED: Final = 64  # pushes of a body on a surface that are kept with a belief
@@ -328,11 +309,7 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
     Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
     kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
-    fits = fit_recordings(kinds, recordings)
-    number = kinds.index(model.belief.trained)
-    return identified(
-        fits, _network_odds(model, number, fits[number], joined(recordings)), recordings
-    )
+    return identified(model, fit_recordings(kinds, recordings), recordings)
 
 
 def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Belief:
@@ -429,12 +406,12 @@ def notices(model: SainDynamics) -> list[str]:
     return found
 
 
-def _network_odds(model: SainDynamics, number: int, found: Fit, parts: Parts) -> float:
+def _network_odds(model: SainDynamics, found: Episodes, parts: Parts) -> float:
     """Return by how much the network explains the pushes better than the physics alone."""
     odds = KEEP
     for part in parts:
         places, everywhere = found.places[part.episode], np.ones(len(part), dtype=bool)
-        rows = Posterior.at(model.belief, number, places, everywhere)
+        rows = Posterior.at(Belief((found.kind,)), 0, places, everywhere)
         both = model.with_bodies(part.bodies).step_rows(part.state, part.action, rows)
         plain, corrected = (
             log_density(errors_of(after, part.next_state), part.scales(FACTORS)).sum(axis=0).max()

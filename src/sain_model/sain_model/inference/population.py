@@ -17,7 +17,7 @@ from numpy import ndarray
 
 from sain_model.inference.evidence import ObservedPushes
 from sain_model.inference.kinds import Kind
-from sain_model.inference.posterior import Parts, fit
+from sain_model.inference.posterior import Fit, Parts, fit
 
 PARTS: Final = {  # shares of a parameter's variance: common, of the body, of the surface, of both
     "pressure": (0.1, 0.7, 0.05, 0.15),
@@ -127,12 +127,8 @@ class Population:
         kind = self.kind.believing(mean, covariance)
         start = np.zeros(len(mean)) if pair not in self.shown else self.shown[pair].place - mean
         found = fit(kind, [_alone(part) for part in parts], start[None], STEPS)
-        away, information = found.places[0], found.normal.information[0]
-        # The likelihood's mode is beyond the place: there the prior pulls back. What pushes do not
-        # show has none.
-        prior = np.linalg.inv(covariance)
-        mode = mean + away + np.linalg.solve(information + LEAST * prior, prior @ away)
-        return Shown(mean + away, information, information @ mode)
+        information, pull = likelihoods(found, mean)
+        return Shown(mean + found.places[0], information[0], pull[0])
 
     def _covariances(self, pairs: list[Pair]) -> Float[ndarray, "D P P"]:
         bodies, surfaces = (np.array(names, object) for names in zip(*pairs, strict=True))
@@ -164,6 +160,23 @@ class Population:
             variances = (totals + WORTH * before) / (counts + WORTH)[:, None]
             variances = np.where(before > 0.0, variances, 0.0)
         return np.asarray(variances)
+
+
+def likelihoods(
+    found: Fit, mean: Float[ndarray, "D"]
+) -> tuple[Float[ndarray, "C D D"], Float[ndarray, "C D"]]:
+    """Return the Gaussian likelihoods of vectors z of C fits that began with a belief about a mean.
+
+    The mode of a likelihood is beyond the place of its fit: there the prior pulls back. What pushes
+    do not show has none. All fits have the same noise at least: few pushes, fitted closely, do not
+    show that theirs is less.
+    """
+    usual = np.sqrt((found.factor**2).mean())
+    share = (found.factor / np.maximum(found.factor, usual)) ** 2
+    information, prior = share[:, None, None] * found.normal.information, found.kind.precision
+    back = (found.places @ prior)[..., None]
+    mode = mean + found.places + np.linalg.solve(information + LEAST * prior, back)[..., 0]
+    return information, (information @ mode[..., None])[..., 0]
 
 
 def _alone(part: ObservedPushes) -> ObservedPushes:
