@@ -49,7 +49,7 @@ from sain_model.inference.posterior import Parts, Posterior
 from sain_model.physics.planar import PlanarPrior
 
 STEPS: Final = 10  # of a fit of each episode
-SWEEPS: Final = 3  # of fits of all episodes, each with what the others show
+SWEEPS: Final = 8  # of fits of all episodes, each with what the others show
 MOST_ODDS: Final = 20.0  # logarithm: recordings may not rule out for ever what they do not show
 
 FRICTIONS: Final = (FRICTION, "tool_friction", "disk_friction")  # that have to agree
