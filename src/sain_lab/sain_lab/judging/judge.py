@@ -64,6 +64,8 @@ class Judge:
         return float(np.sum(gains) / max(np.linalg.norm(gains), 1e-9))
 
     def _error(self, row: Mapping[str, float], name: str) -> float | None:
+        if name == PHYSICS and row.get(PHYSICS) == row.get(SHIPPED):
+            return None  # there was no belief yet
         return row.get(name, row.get(PHYSICS) if NETWORK.fullmatch(name) else None)
 
     def decide(self) -> Decision | None:
