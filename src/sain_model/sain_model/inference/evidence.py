@@ -215,7 +215,7 @@ def _log_mixture(errors: ndarray, scales: ndarray) -> tuple[ndarray, ndarray]:
 
 def over_factors(log_densities: Float[ndarray, "*B K"]) -> Float[ndarray, "*B"]:
     """Return the logarithm of the mean over the factors."""
-    return np.asarray(logsumexp(log_densities, axis=-1)) - np.log(len(FACTORS))
+    return np.asarray(logsumexp(log_densities, axis=-1) - np.log(len(FACTORS)))
 
 
 CHUNK: Final = 32_768  # predictions at a time: bounds memory
