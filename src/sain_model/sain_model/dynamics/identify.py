@@ -160,7 +160,7 @@ def _check_alike(fits: Mapping[str, Sequence[Episodes]], best: int) -> None:
 def _difference(pair: Sequence[Episodes], column: int) -> tuple[float, float]:
     """Return the standard deviation of the difference of two values of z, and what is large."""
     deviation = float(np.sqrt(sum(one.covariance[column, column] for one in pair)))
-    if not pair[0].kind.of_episode[column]:
+    if pair[0].kind.parameters[column].scope != "episode":
         return deviation, LARGE
     scatter = max(float(np.sqrt(one.own[column])) for one in pair)
     return deviation, LARGE_FRICTION if scatter < SHARED else 1.0

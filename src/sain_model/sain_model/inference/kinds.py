@@ -130,16 +130,9 @@ class Kind:
         }
 
     @cached_property
-    def of_episode(self) -> Bool[ndarray, "D"]:
-        """Which parameters each episode has a value of its own of."""
-        own = [self.of_bodies or one.scope == "episode" for one in self.parameters]
-        return np.array(own, bool)
-
-    @cached_property
     def precision(self) -> Float[ndarray, "D D"]:
-        """The inverse of the covariance; episodes are independent of what they share."""
-        own = self.of_episode
-        return np.linalg.inv(np.where(own[:, None] == own, self.covariance, 0.0))
+        """The inverse of the covariance."""
+        return np.linalg.inv(self.covariance)
 
     @property
     def on_grid(self) -> list[str]:

@@ -3,10 +3,8 @@
 Of each kind of physics, the parameters that have a grid are inferred on it, the others stay as
 believed. About the kind with the greatest evidence, all parameters are inferred together, by
 damped Gauss-Newton (Levenberg, Marquardt) with Student's t. What has the greatest evidence
-predicts. In an episode there is one step after each push (`Trace`). In a `fit` there are R problems
-of C episodes. The episodes of a problem share its parameters, but for those of the scope "episode":
-of them each episode has a value of its own. The recordings of a laboratory are one problem of many
-episodes.
+predicts. In an episode there is one step after each push (`Trace`). A `fit` is of whole episodes,
+side by side.
 """
 
 from bisect import bisect_left
@@ -47,49 +45,18 @@ Parts = Sequence[ObservedPushes]
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """The most likely parameters of R problems with C episodes."""
+    """The most likely parameters of C episodes, each by itself."""
 
     kind: Kind  # of physics that the vectors z are about
-    together: bool  # whether the episodes are one problem, else each is one
     places: Float[ndarray, "C D"]  # z of each episode
     normal: "Normal"  # the normal equations there, for the noise of `factor`
-    factor: Float[ndarray, "R"]  # of the noise, of each problem
-    log_evidence: Float[ndarray, "R"]  # by Laplace's approximation
-
-    @property
-    def evidence(self) -> float:
-        """The logarithm of the evidence of the first problem."""
-        return float(self.log_evidence[0])
+    factor: Float[ndarray, "C"]  # of the noise
+    log_evidence: Float[ndarray, "C"]  # by Laplace's approximation
 
     @property
     def covariance(self) -> Float[ndarray, "C D D"]:
-        """Of the parameters of an episode that is its problem alone."""
+        """Of the parameters of each episode."""
         return np.linalg.inv(self.normal.information + self.kind.precision)
-
-    @property
-    def own_variances(self) -> Float[ndarray, "D"]:
-        """Mean over the episodes, of what each has of its own; 0 of what they share."""
-        own = self.kind.of_episode
-        inside = self.normal.information[:, own][:, :, own] + _part(self.kind, own)
-        variances = np.zeros(len(own))
-        variances[own] = np.diagonal(np.linalg.inv(inside), axis1=1, axis2=2).mean(axis=0)
-        return variances
-
-    @property
-    def shared_covariance(self) -> Float[ndarray, "D D"]:
-        """Of what all episodes share, where they are one problem; 0 for what they do not.
-
-        Errors of one episode have causes in common, which are counted once: White's estimate over
-        episodes is added.
-        """
-        kind, shared = self.kind, ~self.kind.of_episode
-        reduced = Reduced.of(self.normal, kind, together=True)
-        inverse = np.linalg.inv(reduced.rest[0])
-        solved = np.linalg.solve(reduced.own, self.normal.pull[:, kind.of_episode, None])
-        scores = self.normal.pull[:, shared] - (reduced.ties @ solved)[..., 0]
-        covariance = np.zeros_like(kind.precision)
-        covariance[np.ix_(shared, shared)] = inverse + inverse @ (scores.T @ scores) @ inverse
-        return covariance
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,56 +83,23 @@ class Normal:
         np.add.at(self.pull, part.episode, np.einsum("pnid,pni->pd", weighted, errors))
 
 
-@dataclass(frozen=True, eq=False)
-class Reduced:
-    """Normal equations without what episodes have of their own, and how they tie to it."""
+def fit(kind: Kind, parts: Parts, start: Float[ndarray, "C D"], steps: int) -> Fit:
+    """Return the most likely parameters of each episode, after so many steps at most.
 
-    own: Float[ndarray, "C O O"]
-    ties: Float[ndarray, "C S O"]
-    rest: Float[ndarray, "R S S"]
-
-    @classmethod
-    def of(cls, normal: Normal, kind: Kind, together: bool) -> "Reduced":
-        """Eliminate what each episode has of its own."""
-        own, shared = kind.of_episode, ~kind.of_episode
-        inside = normal.information[:, own][:, :, own] + _part(kind, own)
-        ties = normal.information[:, shared][:, :, own]
-        rest = normal.information[:, shared][:, :, shared]
-        rest = rest - ties @ np.linalg.solve(inside, np.swapaxes(ties, 1, 2))
-        rest = _sums(rest, together) + _part(kind, shared)
-        return cls(inside, ties, rest)
-
-    def log_room(self, kind: Kind, together: bool) -> Float[ndarray, "R"]:
-        """Return the logarithm of how much pushes tighten the belief."""
-        own = kind.of_episode
-        each = np.linalg.slogdet(self.own)[1] - np.linalg.slogdet(_part(kind, own))[1]
-        rest = np.linalg.slogdet(self.rest)[1] - np.linalg.slogdet(_part(kind, ~own))[1]
-        return np.asarray(rest + _sums(each, together))
-
-
-def fit(
-    kind: Kind, parts: Parts, start: Float[ndarray, "C D"], steps: int, together: bool = False
-) -> Fit:
-    """Return the most likely parameters of each problem, after so many steps at most.
-
-    Each of the C episodes that `parts` count has a first vector z. They are one problem `together`,
-    or each is a problem alone.
+    Each of the C episodes that `parts` count has a first vector z.
     """
-    places, problem = start.copy(), np.arange(len(start)) * (not together)  # of each episode
-    totals = _totals(kind, parts, places, together)
+    places, totals = start.copy(), _totals(kind, parts, start)
     damping, goes_on = np.zeros(len(totals), np.int64), np.ones(len(totals), dtype=bool)
     for _ in range(steps):
         score, factor = _best(kind, totals)
-        some = _of_episodes(parts, goes_on[problem])
-        normal = normal_equations(kind, some, places, factor[problem])
-        _climb(kind, parts, normal, places, totals, damping, goes_on, together)
+        normal = normal_equations(kind, _of_episodes(parts, goes_on), places, factor)
+        _climb(kind, parts, normal, places, totals, damping, goes_on)
         goes_on = _best(kind, totals)[0] > score + ENOUGH
         if not goes_on.any():
             break
     _, factor = _best(kind, totals)
-    normal = normal_equations(kind, parts, places, factor[problem])
-    evidence = _log_evidence(kind, totals, normal, factor, together)
-    return Fit(kind, together, places, normal, factor, evidence)
+    normal = normal_equations(kind, parts, places, factor)
+    return Fit(kind, places, normal, factor, _log_evidence(kind, totals, normal, factor))
 
 
 def _climb(
@@ -173,35 +107,30 @@ def _climb(
     parts: Parts,
     normal: Normal,
     places: Float[ndarray, "C D"],
-    totals: Float[ndarray, "R K"],
-    damping: Int[ndarray, "R"],
-    climbs: Bool[ndarray, "R"],
-    together: bool = False,
+    totals: Float[ndarray, "C K"],
+    damping: Int[ndarray, "C"],
+    climbs: Bool[ndarray, "C"],
 ) -> None:
-    """Move places of problems that climb by a step, in place, damped until totals are larger."""
-    problem, score = np.arange(len(places)) * (not together), _best(kind, totals)[0]
-    tried = climbs
+    """Move places of episodes that climb by a step, in place, damped until totals are larger."""
+    score, tried = _best(kind, totals)[0], climbs
     while tried.any():
-        step = _step(normal, kind, places, together, DAMPING[damping])
-        moved = places + tried[problem, None] * step
-        now = _totals(kind, _of_episodes(parts, tried[problem]), moved, together)
+        moved = places + tried[:, None] * _step(normal, kind, places, DAMPING[damping])
+        now = _totals(kind, _of_episodes(parts, tried), moved)
         better = tried & (_best(kind, now)[0] > score)
-        totals[better], places[better[problem]] = now[better], moved[better[problem]]
+        totals[better], places[better] = now[better], moved[better]
         tried = tried & ~better & (damping < len(DAMPING) - 1)
         damping[tried] += 1
         damping[better] = np.maximum(damping[better] - 1, 0)
 
 
 def _log_evidence(
-    kind: Kind, totals: ndarray, normal: Normal, factor: Float[ndarray, "R"], together: bool = False
-) -> Float[ndarray, "R"]:
-    """Return the logarithm of the evidence of each problem by Laplace's approximation."""
-    problem, rooms = np.arange(len(normal.pull)) * (not together), []
-    for other in FACTORS:
-        share = (factor / other)[problem, None, None] ** 2
-        reduced = Reduced.of(Normal(normal.information * share, normal.pull), kind, together)
-        rooms.append(reduced.log_room(kind, together))
-    return over_factors(totals - 0.5 * np.stack(rooms, axis=1))
+    kind: Kind, totals: Float[ndarray, "C K"], normal: Normal, factor: Float[ndarray, "C"]
+) -> Float[ndarray, "C"]:
+    """Return the logarithm of the evidence of each episode by Laplace's approximation."""
+    share = (factor[:, None] / FACTORS)[..., None, None] ** 2
+    after = np.linalg.slogdet(normal.information[:, None] * share + kind.precision)[1]  # (C, K)
+    room = after - np.linalg.slogdet(kind.precision)[1]
+    return over_factors(totals - 0.5 * room)
 
 
 def normal_equations(
@@ -242,72 +171,42 @@ def errors_at(
     return errors_of(after, pushes.next_state[rows])
 
 
-def _totals(kind: Kind, parts: Parts, places: ndarray, together: bool) -> Float[ndarray, "R K"]:
-    """Return the logarithm of the posterior density of each problem for each factor."""
-    own, shared = kind.of_episode, ~kind.of_episode
-    far = _far(kind, places, own)
-    once = far[:1] if together else far
-    once += _far(kind, places[: len(once)], shared)
-    total = np.repeat(-0.5 * _sums(far, together)[:, None], len(FACTORS), axis=1)
+def _totals(kind: Kind, parts: Parts, places: Float[ndarray, "C D"]) -> Float[ndarray, "C K"]:
+    """Return the logarithm of the posterior density of each episode for each factor."""
+    far = np.einsum("cd,de,ce->c", places, kind.precision, places)
+    total = np.repeat(-0.5 * far[:, None], len(FACTORS), axis=1)
     for part in parts:
         densities = log_density(errors_at(kind, part, places[part.episode]), part.scales(FACTORS))
-        np.add.at(total, part.episode * (not together), kind.temper * densities)
+        np.add.at(total, part.episode, kind.temper * densities)
     return total
 
 
 def _best(
-    kind: Kind, totals: Float[ndarray, "R K"]
-) -> tuple[Float[ndarray, "R"], Float[ndarray, "R"]]:
-    """Return the largest total of each problem among factors that count, and its factor."""
+    kind: Kind, totals: Float[ndarray, "C K"]
+) -> tuple[Float[ndarray, "C"], Float[ndarray, "C"]]:
+    """Return the largest total of each episode among factors that count, and its factor."""
     counts = LEAST_FACTOR * (kind.temper == 1.0) <= FACTORS
     return totals[:, counts].max(axis=1), FACTORS[counts][totals[:, counts].argmax(axis=1)]
 
 
 def _step(
-    normal: Normal, kind: Kind, places: ndarray, together: bool, damping: Float[ndarray, "R"]
+    normal: Normal, kind: Kind, places: Float[ndarray, "C D"], damping: Float[ndarray, "C"]
 ) -> Float[ndarray, "C D"]:
     """Return the change of the parameters of each episode, none too long.
 
-    `damping` is added to the diagonals of the normal equations of each problem, as a share of them.
+    `damping` is added to the diagonals of its normal equations, as a share of them.
     """
-    own, shared = kind.of_episode, ~kind.of_episode
-    diagonal = np.einsum("cdd->cd", normal.information) + np.diag(kind.precision)
-    added = (damping[:, None] * diagonal)[..., None] * np.eye(len(own))
-    damped = Normal(normal.information + added, normal.pull)
-    reduced = Reduced.of(damped, kind, together)
-    pull_own = normal.pull[:, own] + places[:, own] @ _part(kind, own)
-    solved = np.linalg.solve(reduced.own, pull_own[..., None])
-    pull = _sums(normal.pull[:, shared] - (reduced.ties @ solved)[..., 0], together)
-    pull = pull + places[: len(pull), shared] @ _part(kind, shared)
-    change = -np.linalg.solve(reduced.rest, pull[..., None])[..., 0]  # (R, S)
-    longest = np.abs(change).max(axis=1, keepdims=True, initial=0.0)
-    change *= LONGEST / np.maximum(longest, LONGEST)
-    everywhere = np.broadcast_to(change, (len(places), shared.sum()))
-    rest = pull_own + np.einsum("cso,cs->co", reduced.ties, everywhere)
-    each = -np.linalg.solve(reduced.own, rest[..., None])[..., 0]
-    step = np.empty_like(places)
-    step[:, shared], step[:, own] = change, np.clip(each, -LONGEST, LONGEST)
-    return step
+    full = normal.information + kind.precision
+    full = full + damping[:, None, None] * full * np.eye(full.shape[-1])
+    pull = normal.pull + places @ kind.precision
+    step = -np.linalg.solve(full, pull[..., None])[..., 0]
+    longest = np.abs(step).max(axis=1, keepdims=True, initial=0.0)
+    return np.asarray(step * (LONGEST / np.maximum(longest, LONGEST)))
 
 
 def _of_episodes(parts: Parts, chosen: Mask) -> Parts:
     """Return the pushes of some episodes."""
     return parts if chosen.all() else [part.select(chosen[part.episode]) for part in parts]
-
-
-def _part(kind: Kind, chosen: Mask) -> Float[ndarray, "S S"]:
-    """Return what is believed of some parameters before any push, as a precision."""
-    return kind.precision[np.ix_(chosen, chosen)]
-
-
-def _far(kind: Kind, places: ndarray, chosen: Mask) -> Float[ndarray, "C"]:
-    some = places[:, chosen]
-    return np.einsum("cd,de,ce->c", some, _part(kind, chosen), some)
-
-
-def _sums(values: Float[ndarray, "C *V"], together: bool) -> Float[ndarray, "R *V"]:
-    """Return sums over the episodes of each problem."""
-    return values.cumsum(axis=0)[-1:] if together else values  # one after another
 
 
 # --- one push after the other ---------------------------------------------------------------------
@@ -383,7 +282,7 @@ class Trace:
         """Return what is believed after all pushes that count."""
         start = marginals(kind, curves.sum(axis=0)[None]).places[0]
         places, parts, nothing = self.place[None].copy(), [pushes], np.zeros(1, np.int64)
-        totals, other = _totals(kind, parts, places, together=False), None
+        totals, other = _totals(kind, parts, places), None
         new = len(pushes) - len(self.at)
         renewed = new + SLOPES - 1
         if len(pushes) <= UNCERTAIN:
@@ -392,7 +291,7 @@ class Trace:
         elif len(pushes) in ANEW:
             other, renewed = fit(kind, parts, start[None], STEPS).places, len(pushes)
         if other is not None:
-            there = _totals(kind, parts, other, together=False)
+            there = _totals(kind, parts, other)
             if _best(kind, there)[0] > _best(kind, totals)[0]:
                 places, totals = other, there
         slopes = np.concatenate([self.slopes, np.zeros((new, *self.slopes.shape[1:]))])
