@@ -218,8 +218,8 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
         most = targets[name == OTHERS]
         found = ratio(service, planar, some)
         yield Figure(f"{name}: after {count} pushes, over planar", found[0], "", most), found
-        found = ratio(service, shipped, some)
-        yield Figure(f"{name}: after {count} pushes, over shipped", found[0], ""), found
+        found = ratio(shipped, planar, some)
+        yield Figure(f"{name}: shipped after {count} pushes, over planar", found[0], ""), found
     if len(rows) >= NEXT:
         means = [
             ratio(service, planar, slice(first, first + NEXT))
