@@ -5,12 +5,17 @@ import json
 import os
 import re
 from contextlib import suppress
+from dataclasses import replace
 from io import StringIO
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from sain_core.errors import BusyError, DatasetError, OutputError, SainError
+from sain_core.shapes import library
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outlines import OUTLINES_FILE, trace
 from sain_lab.cli.lab import LabOptions, run
 from sain_lab.learner import Learner
 from sain_lab.storage.laboratory import LOG, MANIFEST, WAITING, Laboratory, OpenLaboratory, forget
@@ -119,6 +124,21 @@ def test_what_waits_is_counted_without_what_was_learned(tmp_path):
     text = sain_lab("show", str(path))
     assert "1 pushes were received and wait" in text
     assert f"line 2 of {path / WAITING} is damaged (it has no 'before')" in text
+
+
+def test_bodies_of_a_data_set_are_found_by_another_process(tmp_path, monkeypatch):
+    plank = trace("plank", np.array([[0, 0], [0.1, 0], [0.1, 0.031], [0, 0.03]])).shape
+    library.register(plank)
+    push = replace(SmallTable().push(), bodies=Bodies((plank, plank)))
+    with Learner.named(str(tmp_path / "lab"), trains=False) as learner:
+        learner.receive(SmallTable().push())
+        assert not (tmp_path / "lab" / OUTLINES_FILE).exists(), "the library has disks"
+        learner.receive(push)
+    monkeypatch.delitem(library._shapes, plank.name)  # as in a process that did not read them
+    found = Laboratory(tmp_path / "lab")
+    assert [one.bodies for one in found.waiting()][-1] == push.bodies
+    assert not found.damage
+    assert forget(str(tmp_path / "lab")) and not (tmp_path / "lab").exists()
 
 
 def test_a_belief_that_was_changed_is_not_replaced(tmp_path):

@@ -183,6 +183,7 @@ class Learner:
         with self._lock:
             self.waiting.append(result)
             if not why_not(result):
+                self.laboratory.keep_outlines(result.own_bodies)
                 self.laboratory.receive({"kind": "push", **result.record()})
 
     def observe(self, result: Result) -> Update:
@@ -289,6 +290,7 @@ class Learner:
             except SainError as error:
                 self._not_predicted(name, error)
         known = {name: error for name, error in errors.items() if error is not None}
+        self.laboratory.keep_outlines(result.own_bodies)
         self._append({"kind": "push", **result.record(), "errors": known})
         self._settle()
         self._notice_jump()

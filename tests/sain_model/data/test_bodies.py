@@ -1,13 +1,15 @@
 """Bodies on surfaces: what a robot's pushes of them show, from a data set to a model."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.special import logsumexp
 
+from sain_core.errors import CheckpointError, DatasetError
 from sain_core.push import make_stroke, push_direction
-from sain_core.scene import POSITION, THETA, make_scene, turned, unit
+from sain_core.scene import POSITION, RADIUS, THETA, make_scene, turned, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
 from sain_model.data.dataset import Dataset, Part, Split
@@ -164,3 +166,48 @@ def test_how_far_errors_on_two_surfaces_agree_is_inferred():
         belief = identify_bodies(Dataset((replace(one, **both),), sha256="x"))
         odds.append(logsumexp(belief.bodies[0].log_odds, axis=0))
     assert odds[0].argmax() > 1 and odds[1].argmax() == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "message"),
+    [
+        (("known", 0, "surfaces", 0, "torsion"), "nan", "torsion.* is nan"),
+        (("known", 0, "surfaces", 0, "torsion"), -1.0, "torsion.* is -1.0; allowed"),
+        (("known", 0, "surfaces", 0), {}, "values of a body are of"),
+        (("known", 0, "surface", 0), 0.5, "surface of a body is float64"),
+        (("known", 0, "kind", "log_odds"), "nan", "log_odds of a kind of physics is nan"),
+        (("network_log_odds",), "nan", "network_log_odds is NaN"),
+    ],
+)
+def test_a_damaged_belief_of_bodies_is_refused(data, tmp_path, place, value, message):
+    path = write_belief(tmp_path / "belief.json", identify_bodies(data))
+    content = json.loads(path.read_text())
+    inner = content
+    for key in place[:-1]:
+        inner = inner[key]
+    inner[place[-1]] = value
+    path.write_text(json.dumps(content))
+    with pytest.raises(CheckpointError, match=message):
+        read_belief(path)
+
+
+def test_bodies_and_surfaces_that_are_confused_are_named():
+    disk, square = pushed("disk", "steel", 8), pushed("square", "steel", 8, 1)
+    larger = disk.state.copy(), disk.next_state.copy()
+    for scenes in larger:
+        scenes[..., RADIUS] *= np.where(np.arange(8) < 4, 1.0, 1.2)[:, None]
+    sized = replace(disk, state=larger[0], next_state=larger[1])
+    named = replace(sized, object=np.array(["puck"] * 4 + ["coin"] * 4))
+
+    def notices(part: Part, surface: str = "") -> str:
+        return "; ".join(identify_bodies(Dataset((part,)), surface=surface).card["notices"])
+
+    assert "nothing was pushed on surface 'stel': it is believed to be like steel" in notices(
+        disk, "stel"
+    )
+    assert "steel" not in notices(disk, "steel").replace("disk on steel", "")
+    assert "coin and puck have the same outline disk" in notices(named)
+    assert "disk: pushes of radii from 60 to 72 mm are taken as one" in notices(sized)
+    both = Dataset((square, replace(disk, object=square.object)))
+    with pytest.raises(DatasetError, match="the body 'square' has two outlines: disk and square"):
+        identify_bodies(both)

@@ -172,6 +172,8 @@ def test_identify_and_train_run_on_them(rows, tmp_path, monkeypatch, capsys):
         (1, {"bar_width": 0.05, "bar_angle": 0.0}, "row 3 has tip2_x0, tip2_y0 and bar_width, bar_angle; a tool has"),
         (0, {"tip2_x1": 0.4, "tip2_y1": 0.0}, "row 2 has tip2_x1, tip2_y1; a tool has one finger"),
         (2, {"finger_distance": 42.0}, r"row 4: second finger is .*looks like millimetres"),
+        (2, {"finger_distance": -0.04}, "row 4: finger_distance is -0.04; it must be positive"),
+        (2, {"finger_distance": 0}, "row 4: finger_distance is 0; .*leave it empty for one finger"),
         (2, {"finger_distance": 4.2}, r"row 4: distance of the fingers' axes is 4.2; allowed: 2 tip_radius to 0.5 m; it looks like mm"),
         (2, {"finger_distance": 0.004}, r"distance of the fingers' axes is 0.004; .*leave it empty for one finger"),
         (2, {"finger_angle": 90.0}, "row 4: finger_angle is 90; it looks like degrees; give radians"),

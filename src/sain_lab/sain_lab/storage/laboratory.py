@@ -5,6 +5,7 @@
     belief.json        what is believed of the physics, as ``sain_model identify`` writes it
     models/000100/     a network trained on the first 100 pushes, with its card
     waiting.log        pushes that were received, until they are in the log
+    outlines.json      of bodies that are no shapes of the library, as a data set has them
 
 The log is the truth: all else can be made from it again, or is a file that is whole or absent. So a
 kill at any moment leaves the laboratory whole. One process may write it at a time. What SAIN did
@@ -17,6 +18,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
+from threading import Lock
 from typing import Any, Final, Self
 
 import numpy as np
@@ -36,6 +38,10 @@ from sain_core.output import (
 )
 from sain_core.provenance import FORMAT, other_format
 from sain_core.scene import STATE_SIZE
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.library import register_outlines
+from sain_core.shapes.outlines import OUTLINES_FILE, stored_outlines, write_outlines
+from sain_core.shapes.shape import FEET
 from sain_lab.storage import log
 from sain_lab.storage.log import Event, LogReader, LogWriter, Record
 from sain_lab.storage.results import Result
@@ -143,6 +149,7 @@ class Laboratory:
             yield from map(Result.of_record, found)
 
     def _read(self, path: Path, check: Callable[[Record], object]) -> Iterator[Record]:
+        register_outlines(self.path)
         reader = LogReader(path, check)
         yield from reader.read()
         self.damage += [text for text in reader.damage if text not in self.damage]
@@ -185,6 +192,7 @@ class OpenLaboratory(Laboratory):
             super().__init__(path)
             self._log = LogWriter(self.log_path)
             self._waiting = LogWriter(path / WAITING, durable=False)
+            self._outlined, self._outlines = set[Bodies](), Lock()  # whose outlines are kept
             _sign(path)
         except BaseException as error:
             os.close(self._lock)
@@ -195,6 +203,21 @@ class OpenLaboratory(Laboratory):
     def append(self, record: Record) -> None:
         """Append a record to the log; raises `OutputError`."""
         self._log.append(record)
+
+    def keep_outlines(self, bodies: Bodies) -> None:
+        """Write outlines that are not the library's, before the log names them; on any thread.
+
+        Raises `OutputError`.
+        """
+        with self._outlines:
+            if bodies in self._outlined:
+                return
+            kept = {shape.name: shape for shape in stored_outlines(self.path)}
+            traced = [shape for shape in bodies.shapes if getattr(shape, "is_traced", False)]
+            new = [one for shape in traced if (one := shape.on(FEET)).name not in kept]
+            if new:
+                write_outlines(self.path, [*kept.values(), *new])
+            self._outlined.add(bodies)
 
     def state(self, **changes: Any) -> None:
         """Write the manifest with changes, and how long the log is now."""
@@ -270,7 +293,7 @@ def _sign(path: Path) -> None:
         raise OutputError(
             f"{changed} was changed since SAIN wrote it, and would be replaced; move it away"
         )
-    claim_folder(path, (MANIFEST, BELIEF))
+    claim_folder(path, (MANIFEST, BELIEF, OUTLINES_FILE))
 
 
 def _is_count(value: Any) -> bool:

@@ -72,6 +72,11 @@ def run(options: IdentifyOptions, console: Console) -> None:
             )
         _write(options, identify_bodies(data, options.pushes or ENOUGH, options.surface), console)
         return
+    if options.surface:
+        raise ConfigError(
+            f"--surface is {options.surface!r}; it is for recordings that name the pushed bodies"
+            " (column object), and these do not: leave it out"
+        )
     model = load_dynamics(options.model)
     if not isinstance(model, SainDynamics):
         raise ConfigError(f"--model is {options.model!r}; it must be sain or a checkpoint")

@@ -6,7 +6,8 @@ the frictions: other parameters make up for each other, and another choice of bo
 them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from operator import attrgetter
@@ -245,6 +246,12 @@ def known_bodies(population: Population, data: Dataset, surface: str) -> tuple[K
     shapes = list[Shape]()
     for name in sorted({pair.body for pair in pushes}):
         own = [pair for pair in pushes if pair.body == name]
+        outlines = {part.bodies.shapes[0].name for pair in own for part in pushes[pair]}
+        if len(outlines) > 1:
+            raise DatasetError(
+                f"the body {name!r} has two outlines: {' and '.join(sorted(outlines))}; give each"
+                " outline a name of its own (column object), and each body one outline"
+            )
         places = [Pair(name, surface), *(pair for pair in own if pair.surface != surface)]
         z = np.stack([population.place(pair) for pair in places])
         values = population.kind.values(z)
@@ -317,6 +324,8 @@ def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Bel
 
     Another body may be unlike them: the textbook's belief stays possible. The card has the values
     of each of them.
+
+    Raises `DatasetError`: a body has two outlines.
     """
     textbook = replace(surface_kind(), corrected=True)
     population = infer_bodies(textbook, data, most)
@@ -335,8 +344,33 @@ def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Bel
     wrong = [(pair, unexplained(int(rows.sum()), len(rows))) for pair, rows in odd.items()]
     wrong += [(pair, mirrored(textbook, some[0])) for pair, some in recorded.items()]
     card = {"pushes": pushes, "episodes": len(bodies), "bodies": bodies}
+    known = known_bodies(population, data, surface)
     card["notices"] = [f"{pair}: {text}" for pair, text in wrong if text]
-    return Belief(kinds, card=card, bodies=known_bodies(population, data, surface))
+    card["notices"] += [*_unknown(surface, population), *_confused(known)]
+    return Belief(kinds, card=card, bodies=known)
+
+
+SAME_SIZE: Final = 1.05  # largest radius over the smallest of one body, as it is measured
+
+
+def _unknown(surface: str, population: Population) -> Iterator[str]:
+    """Yield in words that nothing was pushed on a surface that is named."""
+    recorded = {pair.surface for pair in population.shown}
+    if surface not in (*recorded, ANOTHER):
+        names = ", ".join(sorted(recorded))
+        yield f"nothing was pushed on surface {surface!r}: it is believed to be like {names}"
+
+
+def _confused(known: Sequence[KnownBody]) -> Iterator[str]:
+    """Yield in words which bodies are not told apart."""
+    for shape, count in Counter(one.shape for one in known).items():
+        if count > 1:
+            names = " and ".join(one.name for one in known if one.shape == shape)
+            yield f"{names} have the same outline {shape}: a body is not found by it"
+    for one in known:
+        least, most = (1e3 * f(one.state[:, RADIUS]) for f in (np.min, np.max))
+        if most > SAME_SIZE * least:
+            yield f"{one.name}: pushes of radii from {least:.0f} to {most:.0f} mm are taken as one"
 
 
 def _outliers(population: Population, pair: Pair, pushes: ObservedPushes) -> Mask:

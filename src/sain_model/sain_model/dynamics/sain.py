@@ -270,9 +270,12 @@ class SainDynamics(Model):
         Raises `ConfigError`: it is for a network on another prior.
         """
         if belief.trained.has_axes != self.belief.trained.has_axes:
+            remedy = "identify with this model"
+            if belief.trained.of_bodies:
+                remedy = "it is of named bodies: train a model of them (train --belief)"
             raise ConfigError(
                 f"the belief is for a network on another prior than {self.origin.prior_name!r};"
-                " identify with this model"
+                f" {remedy}"
             )
         return self._changed(belief=belief)
 

@@ -279,6 +279,11 @@ def _tools(
     span = np.where(tip[:, None], stated[SECOND[0]] - start, 0.0)
     for names in (SECOND[1], BAR):
         length, angle = np.nan_to_num(stated[names]).T
+        for place in np.flatnonzero(given[names][:, 0] & (length <= 0.0))[:1]:
+            raise DatasetError(
+                f"{path} row {row[place]}: {names[0]} is {length[place]:g}; it must be positive;"
+                " leave it empty for one finger"
+            )
         for place in np.flatnonzero(np.abs(angle) > MOST_TURN)[:1]:
             raise DatasetError(
                 f"{path} row {row[place]}: {names[1]} is {angle[place]:g}; it looks like degrees;"

@@ -30,6 +30,7 @@ from sain_model.physics.parameters import (
     Parameter,
     PlanarConfig,
     Values,
+    check_values,
 )
 from sain_model.physics.planar import PlanarPrior, step_knowing
 
@@ -406,6 +407,8 @@ def read_belief(path: Path) -> Belief:
         kinds = tuple(read_kind(part) for part in content.pop("kinds"))
         bodies = tuple(_read_body(part) for part in content.pop("known"))
         odds = float(content.pop("network_log_odds"))
+        if np.isnan(odds):
+            raise ValueError("network_log_odds is NaN")
         if not any(kind.corrected for kind in kinds):
             raise ValueError("no kind of physics is that of the network")
     except FileNotFoundError:
@@ -449,10 +452,12 @@ def read_kind(part: dict[str, Any]) -> Kind:
     right = len(names), len(names)
     if covariance.shape != right or not np.isfinite(covariance).all():
         raise ValueError(f"a covariance has shape {covariance.shape}; allowed: {right}, finite")
-    if np.linalg.eigvalsh(covariance)[0] <= 0.0:
-        raise ValueError("a covariance is not positive")
+    if np.linalg.eigvalsh(covariance)[0] <= 0.0 or not np.allclose(covariance, covariance.T):
+        raise ValueError("a covariance is not symmetric and positive")
     config = PlanarConfig(**typed_settings(PlanarConfig, part["config"]))
     odds, corrected = float(part["log_odds"]), bool(part["corrected"])
+    if not np.isfinite(odds):
+        raise ValueError(f"log_odds of a kind of physics is {odds}; it must be finite")
     of_bodies = bool(part.get("of_bodies", False))
     prior = PlanarPrior(config)
     kind = Kind(str(part["name"]), prior, names, covariance, odds, corrected=corrected)
@@ -480,12 +485,20 @@ def _read_body(part: dict[str, Any]) -> KnownBody:
     right |= {"action": (count, size), "surface": (count,)}
     right["log_odds"] = len(SHARES), len(CORRELATIONS)
     for name, array in rows.items():
-        if array.shape != right[name] or not np.isfinite(array).all():
+        kinds = "i" if name == "surface" else "if"
+        if array.shape != right[name] or array.dtype.kind not in kinds:
             raise ValueError(
-                f"{name} of a body has shape {array.shape}; allowed: {right[name]}, finite"
+                f"{name} of a body is {array.dtype} of shape {array.shape}; allowed: numbers of"
+                f" shape {right[name]}"
             )
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} of a body holds NaN or Inf")
     surfaces = tuple({str(n): float(v) for n, v in one.items()} for one in part["surfaces"])
     if not 0 <= rows["surface"].min() <= rows["surface"].max() < len(surfaces):
         raise ValueError("a push of a body is on a surface that is not there")
     kind = replace(read_kind(part["kind"]), corrected=True)
+    for one in surfaces:
+        if one.keys() != set(kind.names):
+            raise ValueError(f"values of a body are of {[*one]}; allowed: {[*kind.names]}")
+        check_values({name: np.array([value]) for name, value in one.items()}, 1, 1)
     return KnownBody(str(part["name"]), str(part["shape"]), kind, **rows, surfaces=surfaces)
