@@ -179,10 +179,13 @@ def export(laboratory: "Laboratory", options: LabOptions, console: Console) -> N
     from sain_core.guarding.untrusted import read_regular
     from sain_core.output import claim_folder, write_whole
     from sain_model.dynamics.load import card_path
+    from sain_model.inference.kinds import read_belief
 
     files: list[tuple[Path, str]] = []
     if laboratory.belief_path.exists():
         use = "evaluate --controllers sain --belief {}, or the parameter belief"
+        if read_belief(laboratory.belief_path).trained.of_bodies:
+            use = "train --belief {} on recordings of its bodies"
         files.append((laboratory.belief_path, use))
     if laboratory.manifest.has_network:
         weights = laboratory.model_path(laboratory.manifest.service)

@@ -343,10 +343,10 @@ def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Bel
     }
     wrong = [(pair, unexplained(int(rows.sum()), len(rows))) for pair, rows in odd.items()]
     wrong += [(pair, mirrored(textbook, some[0])) for pair, some in recorded.items()]
-    card = {"pushes": pushes, "episodes": len(bodies), "bodies": bodies}
     known = known_bodies(population, data, surface)
-    card["notices"] = [f"{pair}: {text}" for pair, text in wrong if text]
-    card["notices"] += [*_unknown(surface, population), *_confused(known)]
+    found = [f"{pair}: {text}" for pair, text in wrong if text]
+    found += [*_unknown(surface, population), *_confused(known)]
+    card = {"pushes": pushes, "episodes": len(bodies), "bodies": bodies, "notices": found}
     return Belief(kinds, card=card, bodies=known)
 
 
