@@ -31,6 +31,7 @@ def test_the_page_s_commands_run(tmp_path, monkeypatch, capsys):
         assert command([*words[5:], *SHORT.get(words[4], [])]) == 0, capsys.readouterr()
     printed = capsys.readouterr().out
     assert "9 pushes of 1 bodies; surfaces: steel 9" in printed
+    assert re.search(r"regions are fitted to \d held-out pushes; with fewer than 60", printed)
     data = load_dataset(Path("data/lab")).alike
     assert data.action.shape == (9, 11)
     assert Path("runs/lab/sain.safetensors").exists()

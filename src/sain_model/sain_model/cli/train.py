@@ -120,6 +120,7 @@ def run(options: TrainOptions, console: Console) -> None:
     )
     path = options.out / f"{options.name}{SUFFIX}"
     save_checkpoint(path, weights_of(model), card)
+    _warn_of_few(len(split.validation), console)
     history, centres = histories[0], weights_of(model).centres
     if history.best < 0:
         before = options.parent or "the physics alone"
@@ -129,6 +130,18 @@ def run(options: TrainOptions, console: Console) -> None:
         console.print(f"{path}: a kernel on {centres} pushes")
     else:
         console.print(f"{path}: epoch {history.best + 1} of {len(history.train)}")
+
+
+def _warn_of_few(held_out: int, console: Console) -> None:
+    """Say where regions were fitted to fewer pushes than show a quantile."""
+    from sain_model.training.interval_fit import FEW
+
+    if held_out < FEW:
+        console.print(
+            f"warning: regions are fitted to {held_out} held-out pushes; with fewer than {FEW} they"
+            " may hold bodies less often than they state",
+            soft_wrap=True,
+        )
 
 
 @contextmanager

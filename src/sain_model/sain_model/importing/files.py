@@ -277,6 +277,11 @@ def _tools(
             f" {', '.join(SECOND_END)} too), or is a bar ({', '.join(BAR)})"
         )
     span = np.where(tip[:, None], stated[SECOND[0]] - start, 0.0)
+    for place in np.flatnonzero(tip & ~span.any(axis=1))[:1]:
+        raise DatasetError(
+            f"{path} row {row[place]}: the second finger is where the first one is; leave it empty"
+            " for one finger"
+        )
     for names in (SECOND[1], BAR):
         length, angle = np.nan_to_num(stated[names]).T
         for place in np.flatnonzero(given[names][:, 0] & (length <= 0.0))[:1]:
