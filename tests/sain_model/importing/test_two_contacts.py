@@ -17,7 +17,7 @@ from sain_core.shapes.outlines import read_stated
 from sain_model import commands
 from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset
-from sain_model.importing.files import read_recordings
+from sain_model.importing.files import read_csv, read_recordings
 from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import PlanarPrior, first_touch
 from tests.sain_model.importing.recorded import write_stated
@@ -150,6 +150,15 @@ def test_pushes_with_another_second_finger_are_no_repeats(rows, tmp_path):
     data, printed = convert(tmp_path, [*rows, other, nearer, again])
     assert len(data) == COUNT + 3
     assert f"{COUNT + 2} groups of repeats" in printed
+
+
+def test_angles_that_could_be_radians_are_named(rows, tmp_path):
+    path = write(tmp_path, rows)
+    _, notes = read_csv(path, degrees=True)
+    kinds = ("headings", "finger angles", "bar angles")
+    for kind, note in zip(kinds, notes, strict=True):
+        assert f"{kind} are read as degrees, and all are within" in note
+    assert not read_csv(path)[1]
 
 
 def test_identify_and_train_run_on_them(rows, tmp_path, monkeypatch, capsys):

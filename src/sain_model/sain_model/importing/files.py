@@ -61,6 +61,11 @@ NOT_STATED: Final = {  # may be left empty
     "mass": "kg",
     "radius": "m",
 }
+ANGLES: Final = {
+    "headings": ("theta0", "theta1"),
+    "finger angles": ("finger_angle",),
+    "bar angles": ("bar_angle",),
+}
 UNIT_OF: Final = NUMBERS | NOT_STATED
 NEEDED: Final = ("object", *NUMBERS)
 TEXTS: Final = ("surface", "object", "run")
@@ -125,19 +130,23 @@ def read_csv(path: Path, degrees: bool = False) -> tuple[RealPushes, list[str]]:
         given |= _with_points(path, numbers, row)
         notes.append(f"{path}: decimal commas are read as points")
     pushes = _pushes(path, given, row, header.factors)
-    return pushes, notes + _small_degrees(path, pushes, header.factors)
+    return pushes, [*notes, *_small_degrees(path, given, row, header.factors)]
 
 
-def _small_degrees(path: Path, pushes: RealPushes, factors: Mapping[str, float]) -> list[str]:
-    """Return a warning where all headings that are read as degrees could be radians."""
-    pairs = ((pushes.before, "theta0"), (pushes.after, "theta1"))
-    most = max(np.abs(poses[:, 2]).max() / factors[name] for poses, name in pairs)
-    if min(factors["theta0"], factors["theta1"]) == 1.0 or not 0.0 < most <= MOST_TURN:
-        return []
-    return [
-        f"warning: {path}: headings are read as degrees, and all are within {most:.3g}; if they are"
-        " radians, give neither --degrees nor a unit in the header"
-    ]
+def _small_degrees(
+    path: Path, given: "Fields", row: ndarray, factors: Mapping[str, float]
+) -> Iterator[str]:
+    """Yield a warning where all angles of a kind that are read as degrees could be radians."""
+    for what, names in ANGLES.items():
+        if any(factors.get(name, 1.0) == 1.0 for name in names):
+            continue
+        values = np.concatenate([_numbers(path, name, given[name], row) for name in names])
+        if 0.0 < (most := np.abs(np.nan_to_num(values)).max()) <= MOST_TURN:
+            yield (
+                f"warning: {path}: {what} are read as degrees, and all are within {most:.3g}; if"
+                " they are radians, give neither --degrees nor a unit in the header, or the unit"
+                f" {names[0]}_rad"
+            )
 
 
 def _separator(path: Path, text: str) -> str:
