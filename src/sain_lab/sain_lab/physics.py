@@ -111,9 +111,6 @@ class Believer:
         best = self._of_now(self._kinds[self._best])
         found = identify.identified(self._base, [best], {"laboratory": parts})
         self.parameters = best.kind.believing(best.mean, best.covariance).stated
-        if not found.trained.has_axes and self._base.belief.trained.has_axes:
-            never = replace(self._base.belief.trained, log_odds=-identify.MOST_ODDS)
-            found = replace(found, kinds=(never, *found.kinds))
         self.belief = replace(found, card={"pushes": len(self.window)})
         self.model = self._base.believing(self.belief)
 

@@ -43,6 +43,7 @@ from sain_model.inference.kinds import (
     Kind,
     KnownBody,
     default_belief,
+    laboratory_kinds,
     surface_kind,
 )
 from sain_model.inference.population import Pair, Population
@@ -106,11 +107,14 @@ def identified(model: SainDynamics, fits: Sequence[Episodes], recordings: Record
     """Return the belief of a model after a laboratory's recordings."""
     best = max(fits, key=_evidence)
     odds = float(np.clip(_network_odds(model, best, joined(recordings)), -MOST_ODDS, MOST_ODDS))
-    kinds = (
+    kinds = tuple(
         replace(one.next, log_odds=max(one.evidence - best.evidence, -MOST_ODDS), flat_log_odds=0.0)
         for one in fits
     )
-    return Belief(tuple(kinds), odds, _card(recordings, fits))
+    trained = model.belief.trained
+    if trained.has_axes and not any(kind.has_axes for kind in kinds):  # of bodies that lie flat
+        kinds = (replace(trained, log_odds=-MOST_ODDS), *kinds)
+    return Belief(kinds, odds, _card(recordings, fits))
 
 
 def _card(recordings: Recordings, fits: Sequence[Episodes]) -> dict[str, Any]:
@@ -315,7 +319,8 @@ def identify(model: SainDynamics, recordings: Recordings) -> Belief:
 
     Raises `DatasetError`: two recordings disagree about the kind of physics or a friction.
     """
-    kinds = [kind for kind in model.belief.kinds if not kind.of_bodies]  # what all episodes share
+    flat = all(part.bodies.lie_flat for parts in recordings.values() for part in parts)
+    kinds = laboratory_kinds(model.belief, flat)
     return identified(model, fit_recordings(kinds, recordings), recordings)
 
 
