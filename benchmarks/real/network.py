@@ -23,7 +23,7 @@ from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.sain import SainDynamics, with_intervals
 from sain_model.evaluation.errors import predict_known
 from sain_model.inference.evidence import Known
-from sain_model.inference.kinds import KnownBody, friction_kind, only
+from sain_model.inference.kinds import friction_kind, only
 from sain_model.inference.population import Pair, Population
 from sain_model.network.settings import IDENTITY, PLANAR, PUSH_FRAME
 from sain_model.training.fit import fit
@@ -201,7 +201,11 @@ class OfKnownAndNew:
         if not known.all():
             model = self.row.of_new(self.train, self.physics)
             model = with_intervals(model, self.regions_of_new(model, pushes.select(~known)))
-            bodies = {name: self.recorded(name) for name in np.unique(pushes.surface[~known])}
+            learned = self.row.identified(self.train).population
+            bodies = {
+                name: known_bodies(learned, self.train.dataset, name)
+                for name in np.unique(pushes.surface[~known])
+            }
             for body in np.unique(pushes.body[~known]):
                 rows = np.flatnonzero(pushes.body == body)
                 some, own = pushes.select(rows), self.own.select(self.own.body == body)
@@ -212,11 +216,6 @@ class OfKnownAndNew:
                 new = conditioned(model.believing(belief).with_bodies(part.bodies), own)
                 parts.append((rows, _stated(new.predict(part.state, part.action))))
         return joined([one for _, one in parts], np.concatenate([rows for rows, _ in parts]))
-
-    def recorded(self, surface: str) -> tuple[KnownBody, ...]:
-        """Return the bodies of the training, as a belief for a surface has them."""
-        learned = self.row.identified(self.train)
-        return known_bodies(learned.population, self.train.dataset, surface)
 
     def regions_of_new(self, model: SainDynamics, pushes: PushTable) -> Intervals:
         """Return regions for bodies that nothing is known of but as many own pushes as here.

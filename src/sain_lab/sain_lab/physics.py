@@ -4,9 +4,8 @@ A window of pushes is fitted anew when an episode has ended, from the values fou
 are enough. So cost and memory stay flat, and what is old is forgotten. Kinds of physics compete.
 The one with the larger evidence predicts; the others are fitted when the pushes have grown by half.
 
-What is believed of bodies that have names, each on its surface, as a robot's recordings state.
-
-Each body has values of its own of every parameter; see `sain_model.inference.population`.
+Bodies that have names, each on its surface, as in a robot's recordings, have values of their own of
+every parameter (`sain_model.inference.population`).
 """
 
 from collections import deque
@@ -24,11 +23,7 @@ from sain_model.dynamics import identify
 from sain_model.dynamics.sain import PHYSICS, Origin, SainDynamics
 from sain_model.inference.episodes import Episodes
 from sain_model.inference.evidence import ObservedPushes
-from sain_model.inference.kinds import (
-    Belief,
-    laboratory_kinds,
-    surface_kind,
-)
+from sain_model.inference.kinds import Belief, laboratory_kinds, surface_kind
 from sain_model.inference.population import Pair, Population
 
 WINDOW: Final = 300  # pushes that the belief is inferred from

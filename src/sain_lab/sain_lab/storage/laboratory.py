@@ -309,7 +309,7 @@ def _are_numbers(value: Any) -> bool:
 
 
 ALLOWED: Final[dict[str, Callable[[Any], object]]] = {  # of records and events, by name
-    **dict.fromkeys(("pushes",), _is_count),
+    "pushes": _is_count,
     **dict.fromkeys(("errors", "was"), _are_numbers),
     **dict.fromkeys(("id", "episode"), lambda text: isinstance(text, str)),
     "time": _is_number,

@@ -333,9 +333,9 @@ def identify_bodies(data: Dataset, most: int = ENOUGH, surface: str = "") -> Bel
     Raises `DatasetError`: a body has two outlines.
     """
     textbook = replace(surface_kind(), corrected=True)
-    population = infer_bodies(textbook, data, most)
-    surface = surface or next_surface(population)
     recorded = pushes_of_bodies(data, most)
+    population = Population.of(textbook, recorded)
+    surface = surface or next_surface(population)
     pushes = sum(len(part) for some in recorded.values() for part in some)
     bodies = {
         str(pair): {name: float(value[0]) for name, value in textbook.values(place[None]).items()}

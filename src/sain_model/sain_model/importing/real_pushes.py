@@ -32,7 +32,7 @@ from sain_core.guarding.untrusted import (
     unpacked_bytes,
 )
 from sain_core.push import LENGTH, MOST_SPAN, SPEED, TIP_RADIUS, allowed_ranges
-from sain_core.scene import unit, wrap_angle
+from sain_core.scene import turned, wrap_angle
 from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
 from sain_core.storage import DAMAGE, read_arrays
 from sain_core.types import Indices, Mask
@@ -114,9 +114,7 @@ class RealPushes:
 
     def in_body(self, places: Float[ndarray, "M 2"]) -> Float[ndarray, "M 2"]:
         """Return places seen from the body before the push."""
-        cos, sin = unit(self.before[:, 2]).T
-        x, y = (places - self.before[:, :2]).T
-        return np.column_stack([cos * x + sin * y, cos * y - sin * x])
+        return turned(places - self.before[:, :2], -self.before[:, 2])
 
     def same_as_before(self) -> Mask:
         """Return which pushes (M,) are stated in an earlier row, too, to the bit."""

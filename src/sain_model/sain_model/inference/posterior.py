@@ -53,11 +53,6 @@ class Fit:
     factor: Float[ndarray, "C"]  # of the noise
     log_evidence: Float[ndarray, "C"]  # by Laplace's approximation
 
-    @property
-    def covariance(self) -> Float[ndarray, "C D D"]:
-        """Of the parameters of each episode."""
-        return np.linalg.inv(self.normal.information + self.kind.precision)
-
 
 @dataclass(frozen=True, eq=False)
 class Normal:
