@@ -38,6 +38,22 @@ def test_a_rollout_feeds_predictions_back():
     np.testing.assert_array_equal(predicted[..., 1:], np.broadcast_to(scene[:, 1:], (5, 4, 2, 7)))
 
 
+def test_a_beginning_that_sequences_share_is_predicted_once():
+    sizes = []
+
+    class Counting(Shift):
+        def step(self, scenes: Scenes, pushes: Pushes) -> Scenes:
+            sizes.append(len(pushes))
+            return super().step(scenes, pushes)
+
+    scene, model = np.zeros((2, 8)), Counting()
+    pushes = np.random.default_rng(0).uniform(size=(6, 3, PUSH_SIZE))
+    pushes[1], pushes[3, :2], pushes[5, 0] = pushes[0], pushes[2, :2], pushes[4, 0]
+    expected = np.cumsum(pushes[..., LENGTH], axis=1)
+    np.testing.assert_allclose(model.rollout(scene, pushes)[..., 0, 0], expected)
+    assert sizes == [3, 4, 5]
+
+
 def test_step_alone_gives_a_model():
     model = Shift()
     scene, pushes = np.zeros((2, 8)), np.ones((3, 2, PUSH_SIZE))

@@ -23,7 +23,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import Indices, PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_core.world import MASSES, unknown_names
 
 Radii = Float[ndarray, "K H N"]
@@ -69,15 +69,20 @@ class Model(ABC):
         """Predict scenes (K, H, N, 8) for push sequences (K, H, A) from one scene (N, 8).
 
         Entry ``[k, h]`` is the scene *after* push h of sequence k. Pushes of zero length move
-        nothing, so that no step is made of them.
+        nothing, so that no step is made of them. What sequences begin with alike is predicted once.
         """
         samples, horizon, _ = pushes.shape
         predicted = np.empty((samples, horizon, *scene.shape))
         current = np.broadcast_to(scene, (samples, *scene.shape)).copy()  # (K, N, 8)
+        one, group = _alike(pushes[:, :1])
         for step in range(horizon):
-            moving = pushes[:, step, LENGTH] > 0.0
-            if moving.any():
+            if len(one) < samples:
+                one, group = _alike(pushes[:, : step + 1])
+            moving = one[pushes[one, step, LENGTH] > 0.0]
+            if len(moving):
                 current[moving] = self.step(current[moving], pushes[moving, step])
+            if len(one) < samples:
+                current = current[one[group]]
             predicted[:, step] = current
         return predicted
 
@@ -242,6 +247,15 @@ def check_step(
             " must stay in their order"
         )
     return predicted
+
+
+def _alike(sequences: PushSequences) -> tuple[Indices, Indices]:
+    """Return one sequence of each group that is alike to the bit, and the group of each (K,)."""
+    count, pushes, numbers = sequences.shape
+    rows = np.ascontiguousarray(sequences).reshape(count, pushes * numbers)
+    whole = rows.view((np.void, rows.itemsize * pushes * numbers))[:, 0]
+    _, one, group = np.unique(whole, return_index=True, return_inverse=True)
+    return (one, group) if len(one) < count else (np.arange(count), np.arange(count))
 
 
 def check_rollout(

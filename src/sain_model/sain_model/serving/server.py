@@ -37,7 +37,8 @@ WARM_UP_SCENE: Final = make_scene(
     np.array([(0.4, 0.0), (0.6, 0.0)]), np.array([8.0, 8.0]), np.array([0.08, 0.06])
 )
 WARM_UP_PUSHES: Final = make_push([[0.0], [0.5]], [[0.0], [0.1]], [[0.1], [0.05]])  # (2, 1, 5)
-TRIAL_PUSHES: Final = np.tile(WARM_UP_PUSHES, (16, 1, 1))  # (32, 1, 5)
+# (32, 1, 5), none like another: a model predicts those that are alike once
+TRIAL_PUSHES: Final = make_push(np.linspace(0.0, 3.0, 32)[:, None], 0.1, 0.05)
 TRIALS: Final = 3  # the fastest counts: other programs may take the processor
 SLOWEST: Final = 0.002  # [s] for a prediction: planners wait 2 s for thousands
 MOST_NOTICES: Final = 16  # of histories, that are logged once
