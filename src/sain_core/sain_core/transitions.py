@@ -23,7 +23,7 @@ from sain_core.push import PUSH_SIZE, STROKE_SIZE, is_stroke
 from sain_core.randomness import generator
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, X, Y
 from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
-from sain_core.shapes.body_file import MOST_MASS
+from sain_core.shapes.outlines import MOST_MASS
 from sain_core.shapes.solids import DISK
 from sain_core.types import Indices, Mask, Points, PushArray, Scene, Scenes
 

@@ -2,13 +2,15 @@
 """Bodies by their outlines."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
-from sain_core.scene import unit
+from sain_core.scene import DISK_HEIGHT, unit
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.body_file import outlined_bodies
 from sain_core.shapes.library import (
     check_shapes,
     get_shape,
@@ -16,7 +18,14 @@ from sain_core.shapes.library import (
     register_outlines,
     shape_names,
 )
-from sain_core.shapes.outlines import FINEST, OUTLINES_FILE, trace, write_outlines
+from sain_core.shapes.outlines import (
+    FINEST,
+    OUTLINES_FILE,
+    named_outlines,
+    read_outlines,
+    trace,
+    write_outlines,
+)
 from sain_core.shapes.solids import centroid
 
 
@@ -95,7 +104,7 @@ BODY = "{shapes: {a: {semi_axes: [0.1, 0.2]}}"
         ("shapes: {a: [1, 2]}", "is no outline: give 3 to 10000 points"),
         ("shapes: {a: {semi_axes: [1, 2]}, b: {semi_axes: [1, 2]}}", "'a' has a radius of"),
         ("shapes: {a: {semi_axes: [0.1, 0.2]}, b: {semi_axes: [0.1, 0.1]}}", "states 2 shapes"),
-        (json.dumps({"shapes": {"comb": comb(20)}}), "convex parts; allowed: 64 and 12"),
+        (json.dumps({"shapes": {"comb": comb(30)}}), "convex parts even where 5 mm .*; allowed: 64 and 24"),
     ],
 )  # fmt: skip
 def test_an_outline_file_that_cannot_be_used_is_named(tmp_path, content, text):
@@ -136,3 +145,92 @@ def test_an_outline_is_mended_with_a_word(tmp_path, monkeypatch, caplog):
     assert "'turned': point 3 repeats the one before: left out" in caplog.text
     assert "'turned': it runs clockwise: turned round" in caplog.text
     assert trace("turned", SQUARE).mended == ()
+
+
+BAR = [[-0.1, -0.02], [0.1, -0.02], [0.1, 0.02], [-0.1, 0.02]]
+
+
+def objects(folder: Path, *rows: object) -> Path:
+    """Write a file in the format of Push Anything."""
+    path = folder / "objects.json"
+    path.write_text(json.dumps({"units": "m, kg", "objects": list(rows)}))
+    return path
+
+
+def a_bar(**more: object) -> dict[str, object]:
+    return {"name": "Letter I (scan)", "outline_m": BAR, "height_m": 0.05, **more}
+
+
+def test_a_file_of_objects_is_bodies_by_name(tmp_path):
+    fine = [*BAR[:2], [0.11, 0.0], *BAR[2:]]
+    path = objects(
+        tmp_path,
+        a_bar(mass_kg_sdf=0.05, com_uniform_density_minus_centroid_m=[0.004, 0.0], fair_2d="no"),
+        a_bar(name="Push T", outline_fine_m=fine, height_m=None, holes_dropped_m2=[0.002]),
+        a_bar(
+            name="Expo-Box",
+            outline_m=BAR[::-1],
+            slice_area_over_projection={"25": 0.95, "50": 0.85},
+        ),
+    )
+    outlines = read_outlines(path)
+    assert list(outlines) == ["letter_i", "push_t", "expo_box"]
+    letter, tee, box = outlines.values()
+    assert (letter.height, letter.mass, letter.mass_centre) == (0.05, 0.05, (0.004, 0.0))
+    assert (letter.fair, tee.fair, box.fair) == ("no", "", "roughly")
+    assert tee.mended == ("holes of 20.0 cm^2 are filled",) and len(tee.shape.outline(1.0)) == 5
+    assert box.mended == ("it runs clockwise: turned round",)
+    bodies = outlined_bodies(outlines, ("push_t", "letter_i", "push_t"), tagged=True)
+    assert bodies.names == ("push_t_0", "letter_i", "push_t_2") and bodies.bodies.lie_flat
+    assert bodies.heights == (DISK_HEIGHT, 0.05, DISK_HEIGHT) and not bodies.weighed
+    assert [tag.number for (tag,) in bodies.tags] == [0, 1, 2]
+    assert get_shape(f"{path}:push_t:flat") == bodies.bodies.shapes[0]
+    with pytest.raises(
+        ConfigError, match=r"'letter_l' is unknown \(did you mean 'letter_i'\?\); known: "
+    ):
+        named_outlines(outlines, ["letter_l"])
+    with pytest.raises(
+        ConfigError, match=r"states 3 shapes; .* name one as '.*objects\.json:letter_i'"
+    ):
+        get_shape(str(path))
+
+
+def test_too_many_corners_are_left_out_with_a_word(tmp_path):
+    ring = 0.06 * unit(np.linspace(0.0, 2 * np.pi, 400, endpoint=False))
+    (body,) = read_outlines(objects(tmp_path, a_bar(outline_m=ring.tolist()))).values()
+    assert len(body.shape.outline(1.0)) <= 64 and body.radius == pytest.approx(0.06, abs=5e-4)
+    assert body.mended == ("corners within 0.5 mm are left out",)
+
+
+@pytest.mark.parametrize(
+    ("rows", "text"),
+    [
+        ([], "states no outlines; .* or a list objects"),
+        ([3], "objects must be a list, of objects with name and outline"),
+        ([a_bar(name=None)], "name of object 1 is None; it must be a text"),
+        ([a_bar(name="(?)")], r"a body is called '\(\?\)'; a name needs a letter"),
+        ([a_bar(), a_bar(name="letter i")], r"two bodies are called letter_i: 'Letter I \(scan\)' and 'letter i'"),
+        ([a_bar(outline_m=None)], "'letter_i' is no outline: give 3 to 10000 points"),
+        ([a_bar(outline_m=[BAR[k] for k in (0, 2, 1, 3)])], "'letter_i' crosses itself at"),
+        ([a_bar(outline_m=(1e3 * np.array(BAR)).tolist())], "radius of 102 m: it looks like millimetres"),
+        ([a_bar(outline_m=[[float("nan"), 0.0], *BAR])], r"point 1 of .*\[0\] is nan; allowed: finite"),
+        ([a_bar(height_m=50)], "height is 50; allowed: 0.001 to 0.5 m: 50 millimetres are 0.05 m"),
+        ([a_bar(mass_kg_sdf=-1)], "mass is -1; allowed: 0.001 to 100 kg"),
+        ([a_bar(fair_2d="perhaps")], "fair_2d is 'perhaps'; allowed: yes, roughly, no"),
+        ([a_bar(slice_area_over_projection=[1])], r"slices is \[1\]; give shares by height"),
+    ],
+)  # fmt: skip
+def test_a_damaged_file_of_objects_is_refused_with_what_is_wrong(tmp_path, rows, text):
+    with pytest.raises(DatasetError, match=text):
+        read_outlines(objects(tmp_path, *rows))
+
+
+def test_a_key_that_is_not_read_is_named(tmp_path):
+    path = tmp_path / "mine.yaml"
+    path.write_text(json.dumps({"shapes": {"mine": {"outline": BAR, "hight": 0.1}}}))
+    with pytest.raises(
+        DatasetError, match=r"'mine' has 'hight' \(did you mean 'height'\?\); allowed"
+    ):
+        read_outlines(path)
+    path.write_text(f"shapes: {{mine: {{outline: {BAR}, fair_2d: yes}}}}")
+    assert read_outlines(path)["mine"].fair == "yes"

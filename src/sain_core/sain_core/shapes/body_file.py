@@ -25,7 +25,15 @@ from sain_core.guarding.untrusted import (
 )
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, POSE, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.shape import Shape
+from sain_core.shapes.library import register
+from sain_core.shapes.outlines import (
+    LEAST_MASS,
+    MOST_HEIGHT,
+    MOST_MASS,
+    BodyOutline,
+    named_outlines,
+)
+from sain_core.shapes.shape import FLAT, Shape
 from sain_core.types import Points, Scene
 
 T = TypeVar("T")
@@ -37,9 +45,6 @@ KEYS: Final = (
 TAG_KEYS: Final = ("id", "size", "x", "y", "angle")
 NEEDED: Final = ("shape", "radius")
 UNKNOWN: Final = "unknown"
-LEAST_MASS: Final = 0.001  # [kg]
-MOST_MASS: Final = 100.0  # [kg]
-MOST_HEIGHT: Final = 0.5  # [m]
 TAG_SIZE: Final = 0.04  # [m], where a file gives none
 TAG_SIZES: Final = (0.005, 0.5)  # [m]
 MOST_TAGS: Final = 32  # of a body
@@ -140,6 +145,27 @@ def parse_bodies(content: Any) -> BodyFile:
         topics=tuple(topics),
         weighed=None not in masses,
     )
+
+
+def outlined_bodies(
+    outlines: Mapping[str, BodyOutline], names: Sequence[str], tagged: bool = False
+) -> BodyFile:
+    """Return the bodies of these names of a file of outlines, flat on the table, all pushable.
+
+    Their shapes are registered in this process. A mass that the file does not state is unknown, a
+    height that of our bodies. With `tagged`, each has the tag of its own number in its middle.
+
+    Raises:
+        ConfigError: the file has none of a name, or the middle of a body is beside it.
+    """
+    rows = []
+    for body, (name, one) in enumerate(zip(names, named_outlines(outlines, names), strict=True)):
+        register(one.shape)
+        row: dict[str, Any] = {"name": name if names.count(name) == 1 else f"{name}_{body}"}
+        row |= {"shape": one.shape.on(FLAT).name, "role": "pushable", "radius": one.radius}
+        row |= {"mass": one.mass or UNKNOWN, "height": one.height or DISK_HEIGHT}
+        rows.append(row | ({"tags": body} if tagged else {}))
+    return parse_bodies({"bodies": rows})
 
 
 def write_tagged_bodies(path: Path, scene: Scene, bodies: Bodies) -> None:

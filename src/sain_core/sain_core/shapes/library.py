@@ -5,14 +5,15 @@ Other packages offer shapes through entry points, which lead to instances of the
 
     entry_points={"sain.shapes": ["my_hexagon = my_package:HEXAGON"]}
 
-Users state outlines in files, one shape in each, as `read_stated` reads them. They are given by
-path; those in `outline_folder` by name.
+Users state outlines in files, as `read_outlines` reads them. A file of one is given by its path, in
+a file of many ``FILE:NAME`` is one; those in `outline_folder` are given by name.
 """
 
 import logging
 import os
 import re
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import pairwise
 from math import cos, pi, sin
@@ -23,8 +24,13 @@ import numpy as np
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.guarding.plugins import Plugins, did_you_mean
-from sain_core.guarding.untrusted import MOST_PARTS
-from sain_core.shapes.outlines import HASH, read_stated, stored_outlines
+from sain_core.shapes.outlines import (
+    HASH,
+    BodyOutline,
+    named_outlines,
+    read_outlines,
+    stored_outlines,
+)
 from sain_core.shapes.shape import FLAT, FLAT_MARK, Pair, Shape
 from sain_core.shapes.solids import CUBE, DISK, Disk, Prism
 
@@ -128,7 +134,7 @@ log = logging.getLogger(__name__)
 GROUP: Final = "sain.shapes"
 OUTLINES: Final = (".yaml", ".json")
 PLAIN: Final = re.compile(r"\w[\w.-]{0,63}(?<!\.yaml)(?<!\.json)")  # name of an outline file
-MOST_OUTLINE: Final = 64  # corners
+IN_FILE: Final = re.compile(r"(.*?\.(?:yaml|json))(?::(\w+))?")  # file and body
 ALIKE: Final = 0.7  # of the letters: `disk` is no slip of `half_disk`
 OFFERED: Final = Plugins(GROUP, "shape")
 _shapes: dict[str, Shape] = {shape.name: shape for shape in (Disk(DISK), CUBE)}
@@ -168,8 +174,8 @@ def get_shape(name: str, body: int | None = None) -> Shape:
             load()
     if name in _shapes:
         return _shapes[name]
-    if (own := _own(name)) is not None:
-        return own
+    if (own := own_body(name)) is not None:
+        return own.shape
     if name in _failed:
         raise ConfigError(_failed[name])
     what = "shape" if body is None else f"shape of body {body}"
@@ -207,43 +213,41 @@ def register_outlines(folder: Path) -> None:
             raise DatasetError(f"the outlines in {folder} cannot be used: {error}") from error
 
 
-def _own(name: str) -> Shape | None:
-    """Return the shape of a user's outline file; None: there is none of this name."""
-    if "/" in name or name.endswith(OUTLINES):
-        return _read(name, Path(name).expanduser())
+def own_body(name: str) -> BodyOutline | None:
+    """Return a body of a user's outline file; None: there is none of this name."""
+    stated = IN_FILE.fullmatch(name)
+    if stated or "/" in name:
+        file, body = (stated[1], stated[2] or "") if stated else (name, "")
+        return _read(name, Path(file).expanduser(), body)
     for stem in (name, name[: -HASH - 1]):  # as it is called, or as messages and files have it
         path = outline_folder() / f"{stem}{OUTLINES[0]}"
         if PLAIN.fullmatch(stem) and path.is_file():
-            shape = _read(name, path)
-            return shape if name in (stem, shape.name) else None  # another one since
+            own = _read(name, path)
+            return own if name in (stem, own.shape.name) else None  # another one since
     return None
 
 
-def _read(name: str, path: Path) -> Shape:
+def _read(name: str, path: Path, body: str = "") -> BodyOutline:
     try:
-        return _read_outline(path, path.stat().st_mtime_ns)
-    except (OSError, DatasetError) as error:
+        return _read_body(path, body, path.stat().st_mtime_ns)
+    except (OSError, DatasetError, ConfigError) as error:
         raise ConfigError(f"shape {name!r} is not read: {error}") from error
 
 
 @lru_cache(maxsize=64)
-def _read_outline(path: Path, _changed: int) -> Shape:
-    """Return the only shape of a file; raises `DatasetError`."""
-    bodies = read_stated(path).bodies
-    if len(bodies) != 1:
-        raise DatasetError(f"{path} states {len(bodies)} shapes; it must state one")
-    ((name, body),) = bodies.items()
+def _read_body(path: Path, name: str, _changed: int) -> BodyOutline:
+    """Return a body of a file, by its name or as the only one; raises `DatasetError`."""
+    bodies = read_outlines(path)
+    if not name and len(bodies) != 1:
+        first = next(iter(bodies))
+        raise DatasetError(
+            f"{path} states {len(bodies)} shapes; it must state one, or name one as"
+            f" '{path}:{first}'"
+        )
+    (body,) = named_outlines(bodies, [name]) if name else bodies.values()
     for note in body.mended:
-        log.warning("%s: %r: %s", path, name, note)
-    shape = body.shape
-    if isinstance(shape, Prism):
-        corners, parts = len(shape.corners), len(shape.parts(1.0))
-        if corners > MOST_OUTLINE or parts > MOST_PARTS:
-            raise DatasetError(
-                f"the outline of {path} has {corners} corners and {parts} convex parts; allowed:"
-                f" {MOST_OUTLINE} and {MOST_PARTS}"
-            )
-    return _shapes.setdefault(shape.name, shape)
+        log.warning("%s: %r: %s", path, name or next(iter(bodies)), note)
+    return replace(body, shape=_shapes.setdefault(body.shape.name, body.shape))
 
 
 @cache

@@ -21,7 +21,7 @@ from sain_core.goal import KEEP_TOLERANCE, TOLERANCE, TURN_PER_METRE, BodyPose, 
 from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_BODIES, MOST_RADIUS
 from sain_core.push import BODY, DEFAULT_SPEED, PUSH_NAMES, PUSH_SIZE, SPEED
 from sain_core.scene import STATE_NAMES, STATE_SIZE, THETA, check_finite
-from sain_core.shapes.body_file import MOST_MASS
+from sain_core.shapes.outlines import MOST_MASS
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, PushArray, Pushes, PushSequences, Scene, Scenes
 

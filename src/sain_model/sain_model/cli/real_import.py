@@ -16,7 +16,7 @@ from sain_core.errors import OutputError
 from sain_core.guarding.documents import parse_json
 from sain_core.guarding.untrusted import read_regular, read_regular_text
 from sain_core.output import OVERWRITE_HELP, claim_folder
-from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
+from sain_core.shapes.outlines import LEAST_MASS, MOST_MASS
 from sain_core.transitions import Column
 from sain_model.network.settings import MASS_MIDDLE
 

@@ -33,7 +33,7 @@ from sain_core.guarding.untrusted import (
 )
 from sain_core.push import LENGTH, MOST_SPAN, SPEED, TIP_RADIUS, allowed_ranges
 from sain_core.scene import turned, wrap_angle
-from sain_core.shapes.body_file import LEAST_MASS, MOST_MASS
+from sain_core.shapes.outlines import LEAST_MASS, MOST_MASS
 from sain_core.storage import DAMAGE, read_arrays
 from sain_core.types import Indices, Mask
 

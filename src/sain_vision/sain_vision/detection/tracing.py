@@ -13,9 +13,8 @@ from jaxtyping import Bool, Float, UInt8
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
-from sain_core.guarding.untrusted import MOST_PARTS, MOST_RADIUS
-from sain_core.shapes.library import MOST_OUTLINE
-from sain_core.shapes.solids import convex_parts
+from sain_core.guarding.untrusted import MOST_RADIUS
+from sain_core.shapes.outlines import few_corners
 from sain_core.types import Points
 from sain_vision.detection.sighting import FOUND, draw_line
 from sain_vision.optics import CameraModel
@@ -28,7 +27,6 @@ SMALLEST: Final = 100  # pixels of a top
 EDGE: Final = 0.95  # of an object's heights, that its top is as high as
 SPREAD: Final = 6.0  # median errors of a height that one of the top may have: 4 standard deviations
 FINEST_ERROR: Final = 0.001  # [m], of a height
-TOLERANCES: Final = (0.0005, 0.001, 0.0015, 0.002, 0.003, 0.005)  # [m], of corners left out
 
 Depth = Float[ndarray, "height width"]
 
@@ -46,7 +44,8 @@ class TracedTop:
 def trace_top(depth: Depth, camera: CameraModel, near: Float[ndarray, "2"] | None) -> TracedTop:
     """Return the top of the object in a depth image [m] that is nearest to a place, or largest.
 
-    Raises `InvalidInputError`: nothing stands there, or it is cut by the image's edge.
+    Raises `InvalidInputError`: nothing stands there, or it is cut by the image's edge;
+    `DatasetError`: it has too many corners.
     """
     points = camera.place + depth[..., None] * camera.rays_of_all()
     heights = np.nan_to_num(points[..., 2], nan=-1.0)
@@ -63,7 +62,7 @@ def trace_top(depth: Depth, camera: CameraModel, near: Float[ndarray, "2"] | Non
             "the object lies where the camera does not look down onto the table, or where the"
             " distortion of its lens cannot be inverted; lay it into the middle of the image"
         )
-    outline, tolerance = _simplified(edge)
+    outline, tolerance = few_corners(edge)
     return TracedTop(outline, height, tolerance, count)
 
 
@@ -117,24 +116,6 @@ def _edge(top: Bool[ndarray, "height width"]) -> Float[ndarray, "P 2"]:
         )
     line = max(contours, key=cv2.contourArea)[:, 0].astype(np.float64)
     return np.asarray((line + 0.5) / FINER - 0.5)
-
-
-def _simplified(outline: Float[ndarray, "P 2"]) -> tuple[Float[ndarray, "M 2"], float]:
-    """Return an outline with few corners, as shapes may have, and how far others were off [m]."""
-    from shapely import Polygon, get_parts
-
-    parts = get_parts(Polygon(outline).buffer(0.0))
-    ring = max(parts, key=lambda part: part.area)
-    for tolerance in TOLERANCES:
-        coarse = ring.simplify(tolerance)
-        corners = np.array(coarse.exterior.coords)[:-1]
-        corners = corners if coarse.exterior.is_ccw else corners[::-1]
-        if len(corners) <= MOST_OUTLINE and len(convex_parts(corners)) <= MOST_PARTS:
-            return corners, tolerance
-    raise InvalidInputError(
-        f"the outline has {len(corners)} corners even where {1e3 * tolerance:g} mm are left out: is"
-        " it one object, and does the depth have much noise?"
-    )
 
 
 def draw_top(
