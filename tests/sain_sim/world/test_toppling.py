@@ -77,3 +77,28 @@ def test_worlds_in_which_a_body_would_tip_are_drawn_again_and_counted():
     assert counts.redrawn > 0
     lines = account(counts, CollectConfig(episodes=1, episode=episode))
     assert f"{counts.redrawn} worlds were drawn again: a body would tip over" in "".join(lines)
+
+
+def test_a_body_that_is_high_for_its_width_tips_when_it_is_pushed_fast():
+    ends, slow, fast = [], *(make_push(1.57, 0.0, 0.1, speed=speed) for speed in (0.1, 0.2))
+    for height in (0.04, 0.12):  # 31 mm wide
+        with World(bar(":flat", radii=(0.08,), heights=(height,)), engine="mujoco") as world:
+            scene = world.observe()
+            ends.append(world.push(slow).after)
+            world.reset(scene)
+            if height == 0.04:
+                assert world.push(fast).settled
+                continue
+            with pytest.raises(ToppledError, match=r"by 9\d degrees, .* bodies of 120 mm must"):
+                world.push(fast)
+    assert abs(ends[1] - ends[0])[0, :2].max() < 0.003 < abs(ends[0] - scene)[0, :2].max()
+
+
+def test_heights_that_no_world_can_have_are_refused():
+    with pytest.raises(ConfigError, match="has 2 heights for 1 bodies"):
+        bar(heights=(0.1, 0.1))
+    with pytest.raises(ConfigError, match=r"heights\[0\] is 0.01 m; it must be at least 0.025 m"):
+        bar(heights=(0.01,))
+    bullet = pytest.importorskip("pybullet") and "bullet"
+    with pytest.raises(ConfigError, match=r"is 80 mm high; in engine bullet .* use engine mujoco"):
+        World(bar(heights=(0.08,)), engine=bullet)

@@ -72,18 +72,21 @@ class PushPlanner:
         bodies: Bodies | None = None,
         radii: tuple[float, ...] = (),
         config: MotionConfig = MotionConfig(),
+        heights: tuple[float, ...] = (),
     ) -> None:
-        """Plan for these bodies with their radii [m]."""
+        """Plan for these bodies with their radii and heights [m]; without, all are as our disks."""
         self.robot, self.config = robot, config
-        self._among = bodies, radii
-        self.arm = ArmModel(robot, bodies, radii)
+        self._among = bodies, radii, heights
+        self.arm = ArmModel(robot, bodies, radii, heights)
         self.kinematics = Kinematics(self.arm)
 
-    def among(self, bodies: Bodies, radii: tuple[float, ...]) -> "PushPlanner":
+    def among(
+        self, bodies: Bodies, radii: tuple[float, ...], heights: tuple[float, ...] = ()
+    ) -> "PushPlanner":
         """Return the same for these bodies: itself, if they are those it was made for."""
-        if self._among == (bodies, radii):
+        if self._among == (bodies, radii, heights):
             return self
-        return PushPlanner(self.robot, bodies, radii, self.config)
+        return PushPlanner(self.robot, bodies, radii, self.config, heights)
 
     def plan(self, stroke: Stroke, scene: Scene, joints: Vector | None) -> PushPlan:
         """Return the motion for a stroke in a scene (N, 8), from where the arm has joints (J,).

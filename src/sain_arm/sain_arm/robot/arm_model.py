@@ -67,8 +67,14 @@ class Contact:
 class ArmModel:
     """Kinematics and contacts of a robot over a table with bodies."""
 
-    def __init__(self, robot: Robot, bodies: Bodies | None = None, radii: tuple[float, ...] = ()):
-        """Build the model; without bodies there is the table alone.
+    def __init__(
+        self,
+        robot: Robot,
+        bodies: Bodies | None = None,
+        radii: tuple[float, ...] = (),
+        heights: tuple[float, ...] = (),
+    ) -> None:
+        """Build the model; without bodies there is the table alone, without heights [m] ours.
 
         Raises:
             ConfigError: MuJoCo refuses the robot, or links touch at home that must not.
@@ -79,9 +85,10 @@ class ArmModel:
             name=TABLE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3.0, 3.0, 0.1], margin=GAP
         )
         shapes = () if bodies is None else bodies.shapes
-        for index, (shape, radius) in enumerate(zip(shapes, radii, strict=True)):
+        self._heights = heights or (DISK_HEIGHT,) * len(shapes)
+        for index, of in enumerate(zip(shapes, radii, self._heights, strict=True)):
             body = spec.worldbody.add_body(name=f"{BODY}{index}", mocap=True)
-            for geom in solid_geoms(spec, body, shape, radius):
+            for geom in solid_geoms(spec, body, *of):
                 geom.margin = GAP
         self.model = compiled(robot, spec)
         self.data = mujoco.MjData(self.model)
@@ -99,7 +106,7 @@ class ArmModel:
             x, y = state[POSITION]
             half = state[THETA] / 2.0
             mocap = self.model.body(f"{BODY}{index}").mocapid[0]
-            self.data.mocap_pos[mocap] = [x, y, DISK_HEIGHT / 2]
+            self.data.mocap_pos[mocap] = [x, y, self._heights[index] / 2]
             self.data.mocap_quat[mocap] = [np.cos(half), 0.0, 0.0, np.sin(half)]
 
     def set_joints(self, joints: Vector) -> None:
@@ -261,17 +268,19 @@ def _refusal(robot: Robot, error: Exception) -> ConfigError:
     return ConfigError(f"robot {robot.name!r} is refused by MuJoCo: {one_line(error)}")
 
 
-def solid_geoms(spec: Any, body: Any, shape: Shape, radius: float) -> list[Any]:
+def solid_geoms(
+    spec: Any, body: Any, shape: Shape, radius: float, height: float = DISK_HEIGHT
+) -> list[Any]:
     """Add a cylinder, a box, or the convex hulls of a prism to a body, centred on it."""
     if shape.solid is Solid.CYLINDER:
-        size = [radius, DISK_HEIGHT / 2, 0.0]
+        size = [radius, height / 2, 0.0]
         return [body.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=size)]
     if shape.solid is Solid.BOX:
-        size = [radius, radius, DISK_HEIGHT / 2]
+        size = [radius, radius, height / 2]
         return [body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size)]
     geoms = []
     for number, corners in enumerate(shape.parts(radius)):
-        points = np.unique(prism_surface(corners).reshape(-1, 3), axis=0)
+        points = np.unique(prism_surface(corners, height).reshape(-1, 3), axis=0)
         hull = spec.add_mesh(name=f"{body.name}_{number}", uservert=points.ravel())
         geoms.append(body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name))
     return geoms

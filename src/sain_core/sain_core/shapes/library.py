@@ -12,7 +12,7 @@ a file of many ``FILE:NAME`` is one; those in `outline_folder` are given by name
 import logging
 import os
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import cache, lru_cache
 from itertools import pairwise
@@ -24,6 +24,7 @@ import numpy as np
 
 from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.guarding.plugins import Plugins, did_you_mean
+from sain_core.guarding.untrusted import reason_of
 from sain_core.shapes.outlines import (
     HASH,
     BodyOutline,
@@ -227,6 +228,20 @@ def own_body(name: str) -> BodyOutline | None:
     return None
 
 
+def own_bodies(path: Path | None = None) -> Mapping[str, BodyOutline]:
+    """Return the bodies of a file of outlines by their names; without one, all of this user.
+
+    Raises `DatasetError`: it cannot be read; `ConfigError`: one of the user's own cannot.
+    """
+    if path is None:
+        names = sorted(one.stem for one in outline_folder().glob(f"*{OUTLINES[0]}"))
+        return {name: body for name in names if (body := own_body(name)) is not None}
+    try:
+        return _read_bodies(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise DatasetError(f"{path} cannot be read: {reason_of(error)}") from error
+
+
 def _read(name: str, path: Path, body: str = "") -> BodyOutline:
     try:
         return _read_body(path, body, path.stat().st_mtime_ns)
@@ -234,10 +249,15 @@ def _read(name: str, path: Path, body: str = "") -> BodyOutline:
         raise ConfigError(f"shape {name!r} is not read: {error}") from error
 
 
+@lru_cache(maxsize=8)
+def _read_bodies(path: Path, _changed: int) -> Mapping[str, BodyOutline]:
+    return read_outlines(path)
+
+
 @lru_cache(maxsize=64)
 def _read_body(path: Path, name: str, _changed: int) -> BodyOutline:
     """Return a body of a file, by its name or as the only one; raises `DatasetError`."""
-    bodies = read_outlines(path)
+    bodies = own_bodies(path)
     if not name and len(bodies) != 1:
         first = next(iter(bodies))
         raise DatasetError(

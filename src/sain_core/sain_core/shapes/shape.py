@@ -40,7 +40,7 @@ class Solid(Enum):
 
 @dataclass(frozen=True)
 class Shape(ABC):
-    """An upright body of constant cross-section, `DISK_HEIGHT` high.
+    """An upright body of constant cross-section, `DISK_HEIGHT` high where no height is given.
 
     Attributes:
         name: in messages, data sets, scenarios and pictures; ``t:flat`` lies on a flat bottom,
@@ -112,7 +112,7 @@ class Shape(ABC):
         """Return the corners (M, 2) [m] of a body of this radius, counter-clockwise."""
 
     @abstractmethod
-    def inertia(self, mass: float, radius: float) -> Vector:
+    def inertia(self, mass: float, radius: float, height: float = DISK_HEIGHT) -> Vector:
         """Return the principal moments [kg m^2] of a uniform body about its centre."""
 
     def placed(self, state: Float[ndarray, "8"]) -> Points:
@@ -135,9 +135,9 @@ def feet_places(feet: tuple[Pair, ...], radius: float) -> Points:
     return np.asarray(radius * away[:, None] * unit(bearing))
 
 
-def prism_surface(corners: Points) -> Triangles:
+def prism_surface(corners: Points, height: float = DISK_HEIGHT) -> Triangles:
     """Return the surface (T, 3, 3) [m] of a prism on a convex polygon (M, 2), seen from outside."""
-    low, high = -DISK_HEIGHT / 2, DISK_HEIGHT / 2
+    low, high = -height / 2, height / 2
     here, after = corners, np.roll(corners, -1, axis=0)
     middle = corners.mean(axis=0)
 

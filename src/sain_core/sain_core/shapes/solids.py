@@ -153,9 +153,9 @@ class Disk(Shape):
         """Return the one polygon that a circle is drawn as."""
         return (self.outline(radius),)
 
-    def inertia(self, mass: float, radius: float) -> Vector:
+    def inertia(self, mass: float, radius: float, height: float = DISK_HEIGHT) -> Vector:
         """Return the principal moments [kg m^2] of a uniform cylinder."""
-        across = mass * (3 * radius**2 + DISK_HEIGHT**2) / 12
+        across = mass * (3 * radius**2 + height**2) / 12
         return across, across, mass * radius**2 / 2
 
 
@@ -231,12 +231,12 @@ class Prism(Shape):
                 return turn
         return 2 * pi
 
-    def inertia(self, mass: float, radius: float) -> Vector:
+    def inertia(self, mass: float, radius: float, height: float = DISK_HEIGHT) -> Vector:
         """Return the moments [kg m^2] of a uniform prism; its products of inertia are left out."""
         here, after = _sides(self.outline(radius))
         share = _cross(here, after)[:, None]
         squares = (share * (here**2 + here * after + after**2)).sum(axis=0) / (6 * share.sum())
-        upright = DISK_HEIGHT**2 / 12
+        upright = height**2 / 12
         along_x, along_y = (mass * float(square) for square in squares)
         return along_y + mass * upright, along_x + mass * upright, along_x + along_y
 

@@ -20,7 +20,7 @@ from sain_eval.loop.closed_loop import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
 from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS
+from sain_eval.scenes.scenarios import MORE, SCENARIOS, check_scenario
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.uncertainty import EstimatorConfig
@@ -42,7 +42,11 @@ class EvaluateOptions(WorkerOptions):
     )
     overwrite: bool = option(False, OVERWRITE_HELP)
     scenario: str = option(
-        "anywhere", f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages"
+        "anywhere",
+        f"one or more, with commas, of {', '.join(SCENARIOS)}, or of installed packages{MORE}",
+    )
+    outlines: Path | None = option(
+        None, "file of outlines with the bodies of `anything`; without it, your own shapes"
     )
     scenes: int = option(40, "scenes of each scenario", minimum=1)
     seed: int = option(
@@ -73,7 +77,7 @@ class EvaluateOptions(WorkerOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in _split(self.scenario, "scenario"):
-            OFFERED.check(name)
+            check_scenario(name, self.outlines)
         for tolerance in self.tolerance_values:
             for value, most, unit in (
                 (tolerance.distance, MOST_TOLERANCE, "m"),
@@ -122,7 +126,7 @@ class EvaluateOptions(WorkerOptions):
             "truth": dataclasses.asdict(self.truth),
             "camera": dataclasses.asdict(self.camera),
             "planner": dataclasses.asdict(self.planner),
-        }
+        } | ({"outlines": str(self.outlines)} if self.outlines else {})
 
 
 def run(options: EvaluateOptions, console: Console) -> None:
@@ -153,6 +157,7 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         key=lambda record: (record.place, record.seed, record.controller),  # whoever was first
     )
     config = {**dataclasses.asdict(options), "out": str(options.out)}
+    config |= {"outlines": options.outlines and str(options.outlines)}
     write_results(options.out, kept, config, command)
     write_tables(options.out, kept)
     return kept
@@ -169,6 +174,7 @@ def jobs_of(options: EvaluateOptions, done: set[tuple[str, int, str]]) -> list[E
             options.truth,
             options.belief,
             options.camera,
+            options.outlines,
         )
         for key in options.episodes
         if key not in done

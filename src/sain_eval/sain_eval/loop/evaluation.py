@@ -45,10 +45,11 @@ class EpisodeJob:
     truth: TruthConfig = RANDOMISED_TRUTH
     belief: str = ""  # path of what models begin with
     camera: WorldCameraConfig = WorldCameraConfig()
+    outlines: Path | None = None  # file with the bodies of `anything`
 
     def case(self) -> ScenarioScene:
         """Return the scene to solve, in its world."""
-        return draw_scene(self.scenario, self.seed).within(self.truth)
+        return draw_scene(self.scenario, self.seed, self.outlines).within(self.truth)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from sain_core.randomness import generator
 from sain_core.scene import POSITION, RADIUS, TARGET, THETA, make_scene, unit
 from sain_core.shapes.bodies import Bodies, Role, check_bodies
 from sain_core.shapes.library import check_shapes, get_shape, library
+from sain_core.shapes.shape import Pair
 from sain_core.shapes.solids import DISK
 from sain_core.types import Angles, Points, Scene
 from sain_eval.scenes.placement import (
@@ -38,6 +39,7 @@ from sain_sim.world.parameters import (
     WorldParameters,
     sample_parameters,
 )
+from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
@@ -56,6 +58,8 @@ class ScenarioScene:
     max_pushes: int = MAX_PUSHES  # for each goal
     truth: TruthConfig = RANDOMISED_TRUTH  # the world that it plays in
     roles: tuple[str, ...] = ()  # of each body; none: the paper's
+    heights: tuple[float, ...] = ()  # of bodies [m]; none: ours
+    mass_centres: tuple[Pair, ...] = ()  # of bodies, from their centroids [m]; none: there
     # goals that follow without a reset, each once the one before is reached
     further: tuple[Goal, ...] = ()
     # what counts as one, where the goals judge by something else than a tolerance
@@ -80,6 +84,11 @@ class ScenarioScene:
         """Return the simulated world that this scene plays in."""
         shapes = check_shapes(self.shapes)
         parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
+        if self.mass_centres:
+            about = zip(self.mass_centres, parameters.radii, strict=True)
+            offsets = tuple((x / radius, y / radius) for (x, y), radius in about)
+            parameters = replace(parameters, roughness=Roughness(mass_offsets=offsets))
+        parameters = replace(parameters, heights=self.heights)
         return self.truth.roughen(parameters)
 
 
@@ -107,7 +116,7 @@ def library_shapes() -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class _Drawn:
+class Drawn:
     """Bodies without places, and the friction of their table."""
 
     masses: np.ndarray  # (N,) [kg]
@@ -149,6 +158,16 @@ class _Drawn:
         """Return the bodies (N, 8) at places (N, 2), with any headings."""
         return self.at(places, random.uniform(-pi, pi, len(places)))
 
+    def goal(self, places: Points, headings: Angles) -> Goal:
+        """Return poses of all bodies at places (N, 2) with headings (N,); a disk has none."""
+        poses = zip(places.tolist(), headings.tolist(), self.shapes, strict=True)
+        return Goal(
+            tuple(
+                BodyPose(body, x, y, None if get_shape(shape).is_round else heading)
+                for body, ((x, y), heading, shape) in enumerate(poses)
+            )
+        )
+
     def case(self, name: str, seed: int, disks: Scene, goal: Goal, **more: Any) -> ScenarioScene:
         """Return the scene (N, 8) of a scenario with a goal; `more` fields as in its class."""
         return ScenarioScene(name, seed, disks, self.friction, self.shapes, goal, **more)
@@ -165,7 +184,7 @@ class PaperScenario:
     def scene(self, seed: int) -> ScenarioScene:
         """Draw masses, radii, friction and the goal's shift."""
         random = generator(seed, "scenario", self.name)
-        drawn = _Drawn.paper(random, (DISK, self.target_shape))
+        drawn = Drawn.paper(random, (DISK, self.target_shape))
         mid = np.array(PAPER_MID)
         target = mid + np.array([drawn.radii.sum() + CONTACT_GAP, 0.0])
         goal = np.array(PAPER_GOAL) + self.shift * random.choice([-1.0, 1.0], 2)
@@ -192,7 +211,7 @@ class AnywhereScenario:
         low, high = self.extra_disks
         extra = int(random.integers(low, high + 1))
         shapes = (DISK, self.target_shape, *(DISK,) * extra)
-        drawn = _Drawn.paper(random, shapes, self.friction)
+        drawn = Drawn.paper(random, shapes, self.friction)
         while True:
             pair = self._draw_pair(random, drawn)
             goal = draw_goal(pair, self.goal_distance, random)
@@ -206,7 +225,7 @@ class AnywhereScenario:
             check_bodies(disks, table=FEASIBILITY.table)
             return drawn.case(self.name, seed, disks, Goal.place(*goal))
 
-    def _draw_pair(self, random: np.random.Generator, drawn: _Drawn) -> Scene:
+    def _draw_pair(self, random: np.random.Generator, drawn: Drawn) -> Scene:
         """Return mid disk and target (2, 8), touching at a uniform bearing."""
         mid = np.array(MIDDLE) + random.uniform(-SCATTER, SCATTER, 2)
         bearing = np.asarray(random.uniform(-np.pi, np.pi))
@@ -226,7 +245,7 @@ class IndirectScenario:
         """Draw two shapes, places and a goal; redraw the places until the scene can be solved."""
         random = generator(seed, "scenario", self.name)
         shapes = random.choice(library_shapes(), 2, replace=False).tolist()
-        drawn = _Drawn.sized(random, shapes, MANY_SIZE)
+        drawn = Drawn.sized(random, shapes, MANY_SIZE)
         while True:
             first = np.array(MIDDLE) + random.uniform(-SCATTER, SCATTER, 2)
             apart = drawn.sizes.sum() + random.uniform(*INDIRECT_GAP)
@@ -253,7 +272,7 @@ class BlockedScenario:
         random = generator(seed, "scenario", self.name)
         count = int(random.integers(1, 3))
         shapes = random.choice(library_shapes(), count).tolist()
-        blockers = _Drawn.sized(random, shapes, MANY_SIZE)
+        blockers = Drawn.sized(random, shapes, MANY_SIZE)
         base = AnywhereScenario(self.name, goal_distance=BLOCKED_DISTANCE)
         while True:
             case = base.draw(random, seed)
@@ -287,7 +306,7 @@ class PoseScenario:
         """Draw bodies, starts and poses."""
         random = generator(seed, "scenario", self.name)
         alone = self.count == 1
-        drawn = _Drawn.sized(random, self._shapes(seed, random), ONE_SIZE if alone else MANY_SIZE)
+        drawn = Drawn.sized(random, self._shapes(seed, random), ONE_SIZE if alone else MANY_SIZE)
         disks = drawn.turned(draw_places(drawn.sizes, random), random)
         first, *further = self._goals(drawn, disks[:, POSITION], random)
         return drawn.case(
@@ -309,17 +328,10 @@ class PoseScenario:
         shapes: list[str] = random.choice(names, self.count).tolist()
         return shapes
 
-    def _goals(self, drawn: _Drawn, places: Points, random: np.random.Generator) -> list[Goal]:
+    def _goals(self, drawn: Drawn, places: Points, random: np.random.Generator) -> list[Goal]:
         """Draw poses, each away from where its body is (N, 2) when they are given."""
         goals = []
         for _ in range(self.goals):
             places = draw_places(drawn.sizes, random, places, LEAST_WAY)
-            headings = random.uniform(-pi, pi, len(places)).tolist()
-            poses = (
-                BodyPose(body, x, y, None if get_shape(shape).is_round else headings[body])
-                for body, ((x, y), shape) in enumerate(
-                    zip(places.tolist(), drawn.shapes, strict=True)
-                )
-            )
-            goals.append(Goal(tuple(poses)))
+            goals.append(drawn.goal(places, random.uniform(-pi, pi, len(places))))
         return goals

@@ -1,14 +1,16 @@
 """Where goals and bodies may go so that a scene can be solved."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from math import pi
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
+from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility, reachable
 from sain_core.push import make_push
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, make_scene, unit
+from sain_core.shapes.shape import Pair
 from sain_core.types import Angles, Mask, Place, Points, Scalars, Scene
 
 GOAL_TRIES: Final = 20  # before the disks are placed anew
@@ -17,6 +19,8 @@ EDGE_ROOM: Final = 0.02  # [m], between the rim of a disk at rest and the table'
 CORRIDOR_ROOM: Final = 0.01  # [m], between further disks and the path of mid disk and target
 DISK_ROOM: Final = 0.02  # [m], between further disks and the others
 NEIGHBOURHOOD: Final = 0.35  # [m], further disks lie this near the middle of the target's path
+STRIP_TRIES: Final = 4000  # of all bodies, before the strips become wider
+WIDER: Final = (0.0, 0.05, 0.1, 0.15, 0.2)  # [m], all around
 BODY_GAP: Final = 0.03  # [m], between circumscribed circles: the tool fits in between
 BLOCKER_GAP: Final = 0.02  # [m], between circumscribed circles of bodies in the way and all others
 FEASIBILITY: Final = Feasibility()
@@ -147,6 +151,42 @@ def draw_places(
             places.append(draws[np.argmax(fits)])
         else:
             return np.stack(places)
+
+
+class Strip(NamedTuple):
+    """Where goals are drawn."""
+
+    x: Pair  # [m]
+    y: float  # [m], either way from the middle
+
+
+def draw_in_strips(
+    sizes: Scalars, strips: Sequence[Strip], apart: float, random: np.random.Generator
+) -> Points:
+    """Draw places (N, 2) in the strip of each body of a circumscribed radius (N,) [m], in reach.
+
+    They are at least `apart` [m] from each other, and circumscribed circles do not meet. Where so
+    many do not fit, all strips become wider.
+
+    Raises:
+        ConfigError: they do not fit even so.
+    """
+    gaps = np.maximum(sizes[:, None] + sizes + BODY_GAP, apart)
+    first, second = np.triu_indices(len(sizes), 1)
+    low = np.array([(strip.x[0], -strip.y) for strip in strips])
+    high = np.array([(strip.x[1], strip.y) for strip in strips])
+    for wider in WIDER:
+        draws = random.uniform(low - wider, high + wider, (STRIP_TRIES, len(sizes), 2))
+        between = np.linalg.norm(draws[:, first] - draws[:, second], axis=-1)
+        fits = has_tool_room(draws, sizes).all(axis=1)
+        fits &= (between >= gaps[first, second]).all(axis=1)
+        if fits.any():
+            return np.asarray(draws[np.argmax(fits)])
+    across = ", ".join(f"{2e3 * size:.0f}" for size in sizes)
+    raise ConfigError(
+        f"there is no room for bodies {across} mm across with the tool all around each, where the"
+        " arm reaches; take fewer or smaller ones"
+    )
 
 
 def draw_blockers(

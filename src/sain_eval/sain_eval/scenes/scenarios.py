@@ -1,13 +1,17 @@
 """The scenes that controllers are measured on: each scenario draws one from a seed."""
 
+import logging
 from functools import cache
+from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
 from sain_core.errors import SainError
 from sain_core.guarding.plugins import Plugins
 from sain_core.scene import Table
 from sain_core.shapes.bodies import check_bodies
+from sain_core.shapes.outlines import NO
 from sain_eval.scenes import families
+from sain_eval.scenes.anything import ANYTHING, AnythingScenario, is_anything
 from sain_eval.scenes.families import ScenarioScene
 
 
@@ -22,6 +26,8 @@ class Scenario(Protocol):
     def scene(self, seed: int) -> ScenarioScene:
         """Draw one scene; the same seed gives the same."""
 
+
+log = logging.getLogger(__name__)
 
 _SCENARIOS: Final[tuple[Scenario, ...]] = (
     families.PaperScenario(),  # the paper's Table I
@@ -44,7 +50,8 @@ _SCENARIOS: Final[tuple[Scenario, ...]] = (
 
 SCENARIOS: Final[dict[str, Scenario]] = {scenario.name: scenario for scenario in _SCENARIOS}
 
-OFFERED: Final = Plugins("sain.scenarios", "scenario", SCENARIOS)
+MORE: Final = f"; {ANYTHING}, {ANYTHING}:BODY or {ANYTHING}:BODY+BODY of a file of outlines"
+OFFERED: Final = Plugins("sain.scenarios", "scenario", SCENARIOS, more=MORE)
 
 
 def scenario_names() -> tuple[str, ...]:
@@ -52,11 +59,29 @@ def scenario_names() -> tuple[str, ...]:
     return (*SCENARIOS, *(name for name in OFFERED.names() if name not in SCENARIOS))
 
 
-def find_scenario(name: str) -> Scenario:
+def check_scenario(name: str, outlines: Path | None = None) -> None:
+    """Check that there is a scenario of this name; no package is imported. Raises `ConfigError`."""
+    if is_anything(name):
+        for body in AnythingScenario.named(name, outlines).bodies:
+            if body.fair == NO:
+                log.warning("%s is no fair flat body: its cross-section varies", body.shape.name)
+    else:
+        OFFERED.check(name)
+
+
+def find_scenario(name: str, outlines: Path | None = None) -> Scenario:
     """Return the scenario of this name, which an installed package may offer.
 
-    Raises `ConfigError`: no package offers it, two do, or its package fails.
+    Args:
+        name: of it.
+        outlines: file with the bodies of `anything`; None: the user's own.
+
+    Raises:
+        ConfigError: no package offers it, two do, or its package fails; there is no such body.
+        DatasetError: the file of outlines cannot be read.
     """
+    if is_anything(name):
+        return AnythingScenario.named(name, outlines)
     return SCENARIOS[name] if name in SCENARIOS else _offered(name)
 
 
@@ -76,14 +101,14 @@ def _offered(name: str) -> Scenario:
     return scenario
 
 
-def draw_scene(name: str, seed: int) -> ScenarioScene:
+def draw_scene(name: str, seed: int, outlines: Path | None = None) -> ScenarioScene:
     """Return one scene of a scenario.
 
     Raises:
-        ConfigError: as `find_scenario`; or the scenario fails, or draws no scene that can exist.
+        SainError: as `find_scenario`; or the scenario fails, or draws no scene that can exist.
     """
-    scenario = find_scenario(name)
-    if name in SCENARIOS:
+    scenario = find_scenario(name, outlines)
+    if name in SCENARIOS or is_anything(name):
         return scenario.scene(seed)
     entry = _entry(name)
     drawn = OFFERED.guarded(entry, scenario.scene)(seed)

@@ -15,6 +15,7 @@ from jaxtyping import Float
 from numpy import ndarray
 from shapely import Polygon as Ring
 
+from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, THETA, X, Y
 from sain_core.scratch import scratch_folder
 from sain_core.shapes.shape import Pair, Shape, Solid, Vector, prism_surface
@@ -41,6 +42,18 @@ class BodyState(NamedTuple):
     orientation: tuple[float, float, float, float]  # quaternion x y z w
     velocity: Vector = (0.0, 0.0, 0.0)  # [m/s]
     spin: Vector = (0.0, 0.0, 0.0)  # [rad/s]
+
+
+def check_simulated(parameters: WorldParameters) -> None:
+    """Raise `ConfigError` for a body of another height, or with too many parts."""
+    for body, shape in enumerate(parameters.body_shapes):
+        parts, most = len(shape.parts(1.0)), MOST_PIECES - len(parameters.supports(body))
+        if parts > most or parameters.tops[body] != DISK_HEIGHT:
+            raise ConfigError(
+                f"body {body} ({shape.name}) has {parts} convex parts and is"
+                f" {1e3 * parameters.tops[body]:.0f} mm high; in engine bullet bodies have up to"
+                f" {most} parts and {1e3 * DISK_HEIGHT:.0f} mm: use engine mujoco"
+            )
 
 
 class Slab(NamedTuple):
@@ -150,7 +163,7 @@ def _collision_shape(client: Client, parameters: WorldParameters, index: int) ->
     rim = Slab(radius, RIM_HEIGHT, [0.0 - x, 0.0 - y, 0.0])
     lift = [0.0 - x, 0.0 - y, FOOT_RADIUS / 2]  # the lower halves of the balls are below the body
     slabs = [rim, Slab(CORE_SHARE * radius, DISK_HEIGHT - FOOT_RADIUS, lift)]
-    drop = support_drop(parameters)
+    drop = support_drop(parameters, index)
     feet = [[a - x, b - y, drop] for a, b in parameters.supports(index).tolist()]
     balls = [client.GEOM_SPHERE] * len(feet)
     if shape.solid is Solid.PRISM:

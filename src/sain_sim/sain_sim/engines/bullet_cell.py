@@ -8,7 +8,13 @@ import numpy as np
 from sain_core.scene import Table
 from sain_core.types import Scalars, Scene
 from sain_sim.engines.bullet_arm import ArmFile, BulletArm
-from sain_sim.engines.bullet_bodies import Body, BodyState, resting, unseen_shape
+from sain_sim.engines.bullet_bodies import (
+    Body,
+    BodyState,
+    check_simulated,
+    resting,
+    unseen_shape,
+)
 from sain_sim.engines.bullet_client import Client
 from sain_sim.world.parameters import FLOOR_SIZE, THINNEST_TABLE, WorldParameters, table_box
 from sain_sim.world.workcell import (
@@ -37,7 +43,12 @@ class BulletSimulation(Simulation):
         self._files: dict[bool, ArmFile] = {}  # with a rigid tool, and with one on a spring
 
     def resting(self, scene: Scene, parameters: WorldParameters) -> list[BodyState]:
-        """Return the states of bodies that stand at rest where a scene (N, 8) has them."""
+        """Return the states of bodies that stand at rest where a scene (N, 8) has them.
+
+        Raises:
+            ConfigError: a body of another height, or of more convex parts than Bullet takes.
+        """
+        check_simulated(parameters)
         rows = zip(scene, parameters.mass_offsets, strict=True)
         return [resting(self.client, state, offset) for state, offset in rows]
 

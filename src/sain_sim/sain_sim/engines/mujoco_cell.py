@@ -11,7 +11,7 @@ from numpy import ndarray
 from sain_arm.robot.arm_model import ArmModel
 from sain_arm.robot.robot import Vector
 from sain_arm.robot.urdf import TIP
-from sain_core.scene import DISK_HEIGHT, THETA, X, Y
+from sain_core.scene import THETA, X, Y
 from sain_core.types import Scalars, Scene
 from sain_core.world import DivergedError
 from sain_sim.engines.mujoco_description import (
@@ -95,7 +95,7 @@ class MujocoSimulation(Simulation):
     def resting(self, scene: Scene, parameters: WorldParameters) -> MujocoStates:
         """Return the states of bodies that stand at rest where a scene (N, 8) has them."""
         poses = np.zeros((len(scene), 7))
-        poses[:, 0], poses[:, 1], poses[:, 2] = scene[:, X], scene[:, Y], DISK_HEIGHT / 2
+        poses[:, 0], poses[:, 1], poses[:, 2] = scene[:, X], scene[:, Y], parameters.tops / 2
         poses[:, 3], poses[:, 6] = np.cos(scene[:, THETA] / 2), np.sin(scene[:, THETA] / 2)
         return MujocoStates(poses, np.zeros((len(scene), 6)))
 
@@ -177,7 +177,7 @@ class MujocoCell(Workcell):
 
     def step(self, positions: Vector, velocities: Vector) -> None:
         """Step as all cells do; only a low tool touches: the ball of a disk is higher than it."""
-        is_low = self.arm.tip()[2] < DISK_HEIGHT
+        is_low = self.arm.tip()[2] < self._parameters.tops.max()
         self._model.geom_contype[self._is_tool] = TOOL if is_low else 0
         super().step(positions, velocities)
 

@@ -9,6 +9,8 @@ Contacts are between forms whose normals are exact, at heights that rounding doe
 * A disk touches tool and disks with a ball of its radius about its middle. Disks that press against
   each other cannot climb, as two of MuJoCo's cylinders do.
 * A prism is a convex hull for each part, a cube a box, both upright and of full height.
+* A body has its height, with the centre of mass at half of it: pushed too high, it tips. The tool
+  and disks touch at half the height of our own bodies, whatever stands there.
 * All stand on small balls: three feet, which carry the load that statics gives them, or nine under
   a flat bottom. These are soft, and share the load by how deep they sink. MuJoCo lifts a contact
   that slips, the more the faster: where contacts are stiff, a body that spins on nine stands on its
@@ -24,9 +26,15 @@ import numpy as np
 from sain_arm.robot.arm_model import compiled, robot_spec
 from sain_arm.robot.robot import Robot
 from sain_arm.robot.urdf import TIP
-from sain_core.scene import DISK_HEIGHT, Table
+from sain_core.scene import Table
 from sain_core.shapes.shape import Shape, Solid, prism_surface
-from sain_sim.world.parameters import FLOOR_SIZE, FOOT_RADIUS, WorldParameters, table_box
+from sain_sim.world.parameters import (
+    FLOOR_SIZE,
+    FOOT_RADIUS,
+    PUSHED_AT,
+    WorldParameters,
+    table_box,
+)
 from sain_sim.world.workcell import GRAVITY, SAG, TIME_STEP, WorldConfig, support_drop
 
 LONGEST_STEP: Final = 0.002  # [s], [MuJoCo] default of `timestep`; control steps are longer
@@ -141,18 +149,19 @@ def _add_body(spec: Any, index: int, parameters: WorldParameters) -> None:
         body.add_freejoint()
     body.explicitinertial, body.mass = True, mass
     body.ipos = [*offset, 0.0]
-    body.inertia = shape.inertia(mass, radius)
-    drop = support_drop(parameters)
+    top = float(parameters.tops[index])
+    body.inertia = shape.inertia(mass, radius, top)
+    drop = support_drop(parameters, index)
     for support, (x, y) in enumerate(parameters.supports(index)):
         foot = body.add_geom(type=BALL, size=[FOOT_RADIUS, 0.0, 0.0], pos=[x, y, drop])
         _collide(spec, foot, 0, TABLE, parameters.friction, FEET_FIRST)
         if parameters.lies_flat:
             _soften(foot, parameters.loads(index)[support])
-    height = DISK_HEIGHT - FOOT_RADIUS  # the feet's lower halves are below the body
+    height = top - FOOT_RADIUS  # the feet's lower halves are below the body
     place = [0.0, 0.0, FOOT_RADIUS / 2]
     sides = RIM | TOOL
     if shape.solid is Solid.CYLINDER:
-        rim = body.add_geom(type=BALL, size=[radius, 0.0, 0.0])
+        rim = body.add_geom(type=BALL, size=[radius, 0.0, 0.0], pos=[0.0, 0.0, PUSHED_AT - top / 2])
         _collide(spec, rim, RIM, sides, parameters.rim_friction, RIMS_LAST)
         _yield(rim, parameters.roughness.contact_times[1])
         core = body.add_geom(type=CYLINDER, size=[radius, height / 2, 0.0], pos=place)
@@ -184,7 +193,7 @@ def _parts(
         return [body.add_geom(type=BOX, size=[radius, radius, height / 2], pos=place)]
     geoms = []
     for number, corners in enumerate(shape.parts(radius)):
-        points = prism_surface(corners).reshape(-1, 3) * [1.0, 1.0, height / DISK_HEIGHT] + place
+        points = prism_surface(corners, height).reshape(-1, 3) + place
         hull = spec.add_mesh(name=f"{name}_{number}", uservert=np.unique(points, axis=0).ravel())
         geoms.append(body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname=hull.name))
     return geoms

@@ -14,6 +14,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.outlines import LEAST_MASS, MOST_HEIGHT, MOST_MASS
 from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK, even_supports
 from sain_core.types import Angles, Points, Scalars, Scene
@@ -30,7 +31,8 @@ THINNEST_TABLE: Final = 0.05  # [m], of a table as high as the arm's base
 ROOM: Final = 1.05  # [reaches], of each body in the first scene
 
 
-PUSHED_AT: Final = DISK_HEIGHT / 2  # [m], height of the tool's contact, and of centres of mass
+PUSHED_AT: Final = DISK_HEIGHT / 2  # [m], height of the tool's contact
+LEAST_HEIGHT: Final = 0.025  # [m], of a body that the tool touches below its top
 SOFT: Final = 0.002  # [m], by which a flat bottom, which gives way, carries less far out
 
 
@@ -56,7 +58,7 @@ class WorldParameters(Config):
     """The physical parameters of a world with N disks, the mid disk first."""
 
     masses: tuple[float, ...] = option(
-        (NOMINAL_MASS, NOMINAL_MASS), "masses", unit="kg", minimum=0.1, maximum=100.0
+        (NOMINAL_MASS, NOMINAL_MASS), "masses", unit="kg", minimum=LEAST_MASS, maximum=MOST_MASS
     )
     radii: tuple[float, ...] = option(
         NOMINAL_RADII,
@@ -75,6 +77,13 @@ class WorldParameters(Config):
     tool_friction: float = option(
         NOMINAL_FRICTION, "friction of the tool on a disk", minimum=0.0, maximum=1.5
     )
+    heights: tuple[float, ...] = option(
+        (),
+        "heights; none: 40 mm. The centre of mass is at half of it",
+        unit="m",
+        minimum=LEAST_HEIGHT,
+        maximum=MOST_HEIGHT,
+    )
     roughness: Roughness = SMOOTH
     roles: tuple[str, ...] = option(
         (), "pushable, movable or fixed, for each body; none: only the first is pushable"
@@ -88,6 +97,11 @@ class WorldParameters(Config):
             raise ConfigError(
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
+            )
+        if self.heights and len(self.heights) != self.count:
+            raise ConfigError(
+                f"WorldParameters has {len(self.heights)} heights for {self.count} bodies; give one"
+                " for each, or none"
             )
         flat = {shape.lies_flat for shape in self.bodies.shapes}
         if len(flat) > 1:
@@ -143,6 +157,11 @@ class WorldParameters(Config):
     def loads(self, body: int) -> Scalars:
         """Return the weights (F,) of a flat body's supports: how stiff they are, in sum 1."""
         return self.roughness.supports(body, self.body_shapes[body])[1]
+
+    @cached_property
+    def tops(self) -> Scalars:
+        """How high the bodies' tops are when they stand on the table, (N,) [m]."""
+        return np.array(self.heights or (DISK_HEIGHT,) * self.count)
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:
@@ -220,7 +239,7 @@ def check_stands(parameters: WorldParameters, friction: float = 0.0) -> None:
             continue
         raise ConfigError(
             f"body {body} ({shape.name}) is {1e3 * radius * wide:.0f} mm wide and"
-            f" {1e3 * DISK_HEIGHT:.0f} mm high: it tips over when it is pushed"
+            f" {1e3 * parameters.tops[body]:.0f} mm high: it tips over when it is pushed"
             f" {1e3 * PUSHED_AT:.0f} mm above a table with friction {friction:.2f}; make it about"
             f" {1e3 * wide * need / within:.0f} mm wide, or wider"
         )

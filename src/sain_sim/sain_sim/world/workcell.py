@@ -34,7 +34,7 @@ FREE_TOOL: Final = "free_tool"  # a robot without an arm
 TIME_STEP: Final = 1 / 240  # [s], of control
 GRAVITY: Final = 9.81  # [m/s^2]
 SAG: Final = 0.0002  # [m], by which a flat bottom sinks into the table under its weight
-FALLEN_HEIGHT: Final = -0.01  # [m], a body whose middle is lower has left the table
+FALLEN: Final = 0.03  # [m], below where the middle of a body stands: it has left the table
 MOST_LEAN: Final = radians(3.0)  # [rad], of a body that stands
 MOST_LIFT: Final = 0.003  # [m], of the middle of a body that stands, up or down
 ASIDE: Final = 1.5  # [rad], of the first joint at home: hides no body; a UR5 leans away from them
@@ -287,14 +287,18 @@ class Workcell(ABC):
 
     def fallen(self) -> Mask:
         """Return which bodies (N,) have left the table."""
-        return self.heights(self.states()) < FALLEN_HEIGHT
+        return self._lifts(self.states()) < -FALLEN
 
     def still(self) -> bool:
         """Return whether every body on the table is settled; fallen bodies do not count."""
         states = self.states()
         vx, vy, spin = self.scene(states)[:, VELOCITY].T
         slow = (np.hypot(vx, vy) < SETTLED_SPEED) & (np.abs(spin) < SETTLED_SPIN)
-        return bool(np.all(slow | (self.heights(states) < FALLEN_HEIGHT)))
+        return bool(np.all(slow | (self._lifts(states) < -FALLEN)))
+
+    def _lifts(self, states: Any) -> Scalars:
+        """Return how far the middles of bodies are above where they stand on the table, (N,)."""
+        return np.asarray(self.heights(states) - self._parameters.tops / 2)
 
     def sample(self, phase: str) -> Sample:
         """Return the arm and the disks as they are."""
@@ -338,16 +342,16 @@ class Workcell(ABC):
     def _check_upright(self) -> None:
         """Raise `ToppledError` unless all bodies stand; at the table's edge they may fall."""
         states = self.states()
-        lean, height = self.leans(states), self.heights(states)
-        tipped = (lean > MOST_LEAN) | (np.abs(height - DISK_HEIGHT / 2) > MOST_LIFT)
+        lean, lift = self.leans(states), self._lifts(states)
+        tipped = (lean > MOST_LEAN) | (np.abs(lift) > MOST_LIFT)
         tipped &= self._config.feasibility.table.contains(self.scene(states)[:, POSITION])
         if tipped.any():
             body = int(np.argmax(tipped))
             raise ToppledError(
                 f"the push tips over body {body} ({self._parameters.shapes[body]}): it leans by"
-                f" {degrees(lean[body]):.0f} degrees, its middle is {1e3 * height[body]:.0f} mm"
-                f" high; bodies must stand upright, their middles {1e3 * DISK_HEIGHT / 2:.0f} mm"
-                " high"
+                f" {degrees(lean[body]):.0f} degrees, its middle is {1e3 * lift[body]:+.0f} mm"
+                f" above where it stands; bodies of {1e3 * self._parameters.tops[body]:.0f} mm must"
+                " stand upright"
             )
 
     def step(self, positions: Vector, velocities: Vector) -> None:
@@ -398,10 +402,10 @@ def lean_of(turns: Float[ndarray, "N 2"]) -> Scalars:
     return np.asarray(2.0 * np.arcsin(np.minimum(np.hypot(*turns.T), 1.0)))
 
 
-def support_drop(parameters: WorldParameters) -> float:
-    """Return how far the middles of supports are above that of their body [m]."""
+def support_drop(parameters: WorldParameters, body: int) -> float:
+    """Return how far the middles of a body's supports are above its middle [m]."""
     sag = SAG if parameters.lies_flat else 0.0
-    return FOOT_RADIUS - DISK_HEIGHT / 2 - sag
+    return FOOT_RADIUS - float(parameters.tops[body]) / 2 - sag
 
 
 class Closeable(ABC):
