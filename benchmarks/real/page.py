@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from benchmarks.real.measures import Figures
 from benchmarks.real.rows import STATED
+from benchmarks.report import markdown_table
 
 OURS: Final = ("sain", "identified", "learned")  # rows of the sentence above the first table
 SOURCE: Final = (
@@ -77,12 +78,6 @@ def _data(results: Figures) -> str:
     )
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table: the first column to the left, the others to the right."""
-    lines = [header, ["---", *["---:"] * (len(header) - 1)], *rows]
-    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
-
-
 def with_interval(values: Sequence[float], digits: int) -> str:
     """Return a mean with its interval."""
     mean, low, high = (f"{value:.{digits}f}" for value in values)
@@ -101,7 +96,7 @@ def _errors(results: Figures, case: Figures) -> str:
         for key, title in results["rows"].items()
     ]
     header = ("model", "position [mm]", "heading [degrees]", "median [mm]", "90 % below [mm]")
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def best(results: Figures, case: Figures) -> str:
@@ -141,7 +136,7 @@ def _noise(results: Figures) -> Iterator[str]:
         (title, *(f"{100 * share:.0f} %" for share in noise["share"][key]))
         for key, title in results["rows"].items()
     ]
-    yield table(("model", "noise in position", "noise in heading"), rows)
+    yield markdown_table(("model", "noise in position", "noise in heading"), rows)
 
 
 def _training(results: Figures) -> Iterator[str]:
@@ -160,7 +155,7 @@ def _by_case(results: Figures, keys: Sequence[str], last: Sequence[str] = ()) ->
         (title, *(_pair(results["cases"][key]["errors"].get(row)) for key in keys))
         for row, title in results["rows"].items()
     ]
-    return table(("model", *(f"{int(n):,}" if n.isdigit() else n for n in names)), rows)
+    return markdown_table(("model", *(f"{int(n):,}" if n.isdigit() else n for n in names)), rows)
 
 
 def _pair(errors: Figures | None) -> str:
@@ -207,7 +202,7 @@ def _regions(results: Figures) -> Iterator[str]:
         for key, found in case["regions"].items()
     ]
     sizes = ("position", "by object", "mm", "heading", "by object", "degrees")
-    yield table(("model and case", *sizes), rows)
+    yield markdown_table(("model and case", *sizes), rows)
 
 
 def _held(found: Mapping[str, Any]) -> list[str]:

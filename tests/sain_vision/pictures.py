@@ -37,7 +37,6 @@ def file_of(*tags: tuple[Tag, ...]) -> BodyFile:
         names=tuple(f"body_{n}" for n in range(count)),
         radii=(0.06,) * count,
         masses=(1.0,) * count,
-        heights=(HEIGHT,) * count,
         tags=tags,
         frames=("",) * count,
         topics=("",) * count,

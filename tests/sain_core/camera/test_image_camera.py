@@ -1,5 +1,6 @@
 """Images of a world: what is where, what hides what, and the errors that the settings ask for."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,8 +32,8 @@ class World(NamedTuple):
     away: tuple[float, ...]
     reaching: tuple[float, ...]
 
-    def camera(self, config: ImageCameraConfig) -> ImageCamera:
-        return image_camera(config, read_robot(self.robot), BODIES, RADII)
+    def camera(self, config: ImageCameraConfig, tops: tuple[float, ...] = ()) -> ImageCamera:
+        return image_camera(config, read_robot(self.robot), replace(BODIES, heights=tops), RADII)
 
 
 WORLDS = {
@@ -53,8 +54,10 @@ def shot(world):
     return shoot(world)
 
 
-def shoot(world: World, joints: tuple[float, ...] = (), **config: object) -> Shot:
-    camera = world.camera(ImageCameraConfig(**(CLEAN | config)))
+def shoot(
+    world: World, joints: tuple[float, ...] = (), tops: tuple[float, ...] = (), **config: object
+) -> Shot:
+    camera = world.camera(ImageCameraConfig(**(CLEAN | config)), tops)
     return camera.take(np.array(joints or world.away), SCENE, np.random.default_rng(0))
 
 
@@ -64,9 +67,12 @@ def model_of(config: ImageCameraConfig) -> CameraModel:
     return CameraModel(config.width, config.height, config.matrix, lens, rotation, place)
 
 
-def seen(shot: Shot, config: ImageCameraConfig) -> dict[int, np.ndarray]:
+def seen(
+    shot: Shot, config: ImageCameraConfig, tops: tuple[float, ...] = ()
+) -> dict[int, np.ndarray]:
     grey = shot.colour.mean(axis=2).round().astype(np.uint8)
     file, settings = file_of((Tag(0),), (Tag(1),)), TagConfig()
+    file = replace(file, bodies=replace(file.bodies, heights=tops))
     found, _ = TagLocator(file, settings).locate(TagFinder(settings).find(grey), model_of(config))
     return {one.body: one.pose for one in found}
 
@@ -77,6 +83,13 @@ def test_tags_are_where_the_bodies_are(world, lens):
     assert set(poses) == {0, 1}
     for body, pose in poses.items():
         np.testing.assert_allclose(pose, SCENE[body, POSE], atol=0.0005)
+
+
+def test_a_tag_lies_on_the_top_of_its_body(world):
+    tops = (DISK_HEIGHT, 0.12)
+    poses = seen(shoot(world, tops=tops), ImageCameraConfig(), tops)
+    for body in (0, 1):
+        np.testing.assert_allclose(poses[body], SCENE[body, POSE], atol=0.0005)
 
 
 def test_depth_is_the_distance_along_the_optical_axis(shot):

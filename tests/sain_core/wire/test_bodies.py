@@ -15,9 +15,9 @@ from sain_core.wire.bodies import check_unchanged, decode_bodies
 PRISM = 5
 
 
-def prism(corners):
+def prism(corners, height=0.04):
     points = [Message(x=x, y=y) for x, y in np.float32(corners).astype(float).tolist()]
-    return Message(type=PRISM, dimensions=[0.04], polygon=Message(points=points))
+    return Message(type=PRISM, dimensions=[height], polygon=Message(points=points))
 
 
 FEET = [Message(x=0.0, y=0.0, z=0.0)] * 3
@@ -44,6 +44,19 @@ def test_shapes_of_the_library_are_found_by_name():
     assert decode_bodies(bodies(body(), disk("fixed"))) == Bodies.named(
         ["t", "disk"], ["pushable", "fixed"]
     )
+
+
+def test_heights_are_those_of_the_parts():
+    tall = body(parts=[prism(part, 0.12) for part in get_shape("t").parts(0.09)])
+    box = Message(type=1, dimensions=[0.16, 0.16, 0.07], polygon=None)
+    cube = body("cube", "movable", 0.08, parts=[box])
+    found = decode_bodies(bodies(tall, disk(), cube))
+    assert found == Bodies.named(["t", "disk", "cube"], found.roles, (0.12, 0.04, 0.07))
+    assert decode_bodies(bodies(disk("pushable"))).heights == ()
+    for height in (0.0, 1.0, float("nan")):
+        wrong = body(parts=[prism(part, height) for part in get_shape("t").parts(0.09)])
+        with pytest.raises(OutOfRangeError, match=r"body 0 is .* m high; allowed: .* to 0\.5 m"):
+            decode_bodies(bodies(wrong))
 
 
 @pytest.mark.parametrize("name", ["t", "t:flat"])
@@ -80,7 +93,7 @@ SQUARE = 0.06 * np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
         (bodies(disk("pushable", np.nan)), OutOfRangeError, "radius of body 0 is nan m"),
         (bodies(disk("pushable", 1e-7)), OutOfRangeError, "radius of body 0 is 1e-07 m; allowed"),
         (bodies(body("mine", parts=[])), InvalidInputError, "body 0: shape 'mine' has 0 parts"),
-        (bodies(body("mine", parts=[prism(SQUARE)] * 13)), InvalidInputError, "has 13 parts"),
+        (bodies(body("mine", parts=[prism(SQUARE)] * 25)), InvalidInputError, "has 25 parts"),
         (bodies(body("mine", parts=[prism(SQUARE[:2])])), InvalidInputError, "has 2 corners"),
         (bodies(body("x", parts=[prism(np.tile(SQUARE, (17, 1)))])), InvalidInputError, "68 corners"),
         (bodies(body("x", parts=[prism(SQUARE[::-1])])), InvalidInputError, "counter-clockwise"),

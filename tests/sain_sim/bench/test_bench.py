@@ -17,7 +17,7 @@ from sain_core.shapes.library import get_shape
 from sain_core.types import Scene
 from sain_sim.bench.bench import Bench, BenchConfig
 from sain_sim.bench.report import Report
-from sain_sim.world.engines import ENGINES, is_installed
+from sain_sim.world.engines import ENGINES, MUJOCO, is_installed
 from sain_sim.world.truth import MEASURED
 from sain_sim.world.workcell import WorldConfig
 
@@ -31,11 +31,14 @@ def bench_of(path: Path, *rows: dict, **config) -> Bench:
     return Bench(BenchConfig(bodies=str(path), **given))
 
 
-@pytest.mark.parametrize("engine", [name for name in ENGINES if is_installed(name)])
-def test_a_bench_follows_planned_pushes_and_breaks_nothing(engine, tmp_path):
+@pytest.mark.parametrize(
+    ("engine", "height"), [*((name, 0.04) for name in ENGINES if is_installed(name)), (MUJOCO, 0.1)]
+)
+def test_a_bench_follows_planned_pushes_and_breaks_nothing(engine, height, tmp_path):
     """The second push is from the other side: the arm travels above the disk."""
     place = (0.5, 0.0, 0.3, 0.5, 0.25, 0.0)
-    bench = bench_of(tmp_path / "b.yaml", PUCK, T, place=place, engine=engine)
+    rows = [row | {"height": height} for row in (PUCK, T)]
+    bench = bench_of(tmp_path / "b.yaml", *rows, place=place, engine=engine)
     before = bench.observe()
     np.testing.assert_allclose(before[:, POSE].ravel(), place, atol=1e-6)
     bodies, limits = bench.bodies.bodies, PushLimits(tool_radius=bench.robot.tool_radius)

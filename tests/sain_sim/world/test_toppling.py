@@ -95,7 +95,7 @@ def test_a_body_that_is_high_for_its_width_tips_when_it_is_pushed_fast():
 
 
 def test_heights_that_no_world_can_have_are_refused():
-    with pytest.raises(ConfigError, match="has 2 heights for 1 bodies"):
+    with pytest.raises(ConfigError, match="1 bodies have 2 heights"):
         bar(heights=(0.1, 0.1))
     with pytest.raises(ConfigError, match=r"heights\[0\] is 0.01 m; it must be at least 0.025 m"):
         bar(heights=(0.01,))

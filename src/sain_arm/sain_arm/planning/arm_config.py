@@ -1,6 +1,7 @@
 """How a tool moves, in simulation and in steel, and what the driver of an arm is started with."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 from sain_core.config import Config, option
 from sain_core.feasibility import Feasibility
@@ -24,6 +25,10 @@ class MotionConfig(Config):
     def raised(self) -> float:
         """Height [m] of the tip that travels."""
         return DISK_HEIGHT + self.clearance
+
+    def over(self, top: float) -> Self:
+        """Return the same motion above bodies that are so high [m], or as high as ours."""
+        return replace(self, clearance=self.clearance + max(top - DISK_HEIGHT, 0.0))
 
 
 @dataclass(frozen=True)

@@ -72,21 +72,19 @@ class PushPlanner:
         bodies: Bodies | None = None,
         radii: tuple[float, ...] = (),
         config: MotionConfig = MotionConfig(),
-        heights: tuple[float, ...] = (),
     ) -> None:
-        """Plan for these bodies with their radii and heights [m]; without, all are as our disks."""
-        self.robot, self.config = robot, config
-        self._among = bodies, radii, heights
-        self.arm = ArmModel(robot, bodies, radii, heights)
+        """Plan for these bodies with their radii [m]."""
+        self.robot, self._stated = robot, config
+        self.config = config if bodies is None else config.over(max(bodies.tops))
+        self._among = bodies, radii
+        self.arm = ArmModel(robot, bodies, radii)
         self.kinematics = Kinematics(self.arm)
 
-    def among(
-        self, bodies: Bodies, radii: tuple[float, ...], heights: tuple[float, ...] = ()
-    ) -> "PushPlanner":
+    def among(self, bodies: Bodies, radii: tuple[float, ...]) -> "PushPlanner":
         """Return the same for these bodies: itself, if they are those it was made for."""
-        if self._among == (bodies, radii, heights):
+        if self._among == (bodies, radii):
             return self
-        return PushPlanner(self.robot, bodies, radii, self.config, heights)
+        return PushPlanner(self.robot, bodies, radii, self._stated)
 
     def plan(self, stroke: Stroke, scene: Scene, joints: Vector | None) -> PushPlan:
         """Return the motion for a stroke in a scene (N, 8), from where the arm has joints (J,).

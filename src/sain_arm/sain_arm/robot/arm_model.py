@@ -72,9 +72,8 @@ class ArmModel:
         robot: Robot,
         bodies: Bodies | None = None,
         radii: tuple[float, ...] = (),
-        heights: tuple[float, ...] = (),
     ) -> None:
-        """Build the model; without bodies there is the table alone, without heights [m] ours.
+        """Build the model; without bodies there is the table alone.
 
         Raises:
             ConfigError: MuJoCo refuses the robot, or links touch at home that must not.
@@ -85,7 +84,7 @@ class ArmModel:
             name=TABLE, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[3.0, 3.0, 0.1], margin=GAP
         )
         shapes = () if bodies is None else bodies.shapes
-        self._heights = heights or (DISK_HEIGHT,) * len(shapes)
+        self._heights = () if bodies is None else bodies.tops
         for index, of in enumerate(zip(shapes, radii, self._heights, strict=True)):
             body = spec.worldbody.add_body(name=f"{BODY}{index}", mocap=True)
             for geom in solid_geoms(spec, body, *of):

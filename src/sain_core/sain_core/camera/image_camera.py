@@ -16,7 +16,7 @@ from numpy import ndarray
 from sain_core.camera.decals import paint_tag
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
-from sain_core.scene import DISK_HEIGHT, POSE
+from sain_core.scene import POSE
 from sain_core.shapes.body_file import Tag
 from sain_core.types import Scene
 
@@ -166,14 +166,17 @@ class ImageCamera:
     """Takes images of an arm, a table and N bodies. Not for use by two threads."""
 
     def __init__(
-        self, config: ImageCameraConfig, renderer: ImageRenderer, tags: Sequence[Sequence[Tag]]
+        self,
+        config: ImageCameraConfig,
+        renderer: ImageRenderer,
+        tags: Sequence[Sequence[Tag]],
+        tops: Sequence[float],
     ) -> None:
-        """Take what a renderer draws, with tags on each body."""
+        """Take what a renderer draws, with tags on the top of each body (N,) [m]."""
         self.config = config
         self._renderer, self._tags = renderer, tags
         self._size = config.width, config.height
-        world = np.column_stack([np.eye(3)[:, :2], (0.0, 0.0, DISK_HEIGHT) - np.array(config.eye)])
-        self._plane = config.matrix @ config.rotation.T @ world
+        self._planes = [_plane(config, top) for top in tops]
         self._lens = _lens_map(config)
         self._key = b""
         self._ideal: _Ideal | None = None
@@ -203,9 +206,9 @@ class ImageCamera:
             np.asarray(cv2.resize(one, self._size, interpolation=cv2.INTER_NEAREST))
             for one in (drawn.hides.astype(np.uint8), drawn.depth.astype(np.float32))
         )
-        for pose, tags in zip(scene[:, POSE], self._tags, strict=True):
+        for pose, plane, tags in zip(scene[:, POSE], self._planes, self._tags, strict=True):
             for tag in tags:
-                paint_tag(colour, tag, self._plane, pose, hides > 0)
+                paint_tag(colour, tag, plane, pose, hides > 0)
         if self._lens is not None:
             colour = cv2.remap(colour, *self._lens, cv2.INTER_LINEAR)
             depth = cv2.remap(depth, *self._lens, cv2.INTER_NEAREST)
@@ -215,6 +218,12 @@ class ImageCamera:
         known = (np.asarray(depth) > 0.0) & (np.asarray(depth) < MOST_DEPTH)
         millimetres = np.where(known, np.float32(MILLIMETRES) * depth + 0.5, 0.0)
         return _Ideal(colour.astype(np.uint8), millimetres)
+
+
+def _plane(config: ImageCameraConfig, height: float) -> Matrix:
+    """Return the homography from places [m] in a plane over the table to pixels."""
+    world = np.column_stack([np.eye(3)[:, :2], (0.0, 0.0, height) - np.array(config.eye)])
+    return np.asarray(config.matrix @ config.rotation.T @ world)
 
 
 def _lens_map(config: ImageCameraConfig) -> tuple[ndarray, ndarray] | None:

@@ -119,34 +119,35 @@ def encode_scene(
 def encode_bodies(
     bodies: Bodies, radii: Sequence[float], *, stamp: Time, episode_id: int
 ) -> BodiesMessage:
-    """Return shapes and roles of an episode's bodies with these radii [m]."""
+    """Return shapes, roles and heights of an episode's bodies with these radii [m]."""
     messages = [
         Body(
             name=shape.name,
             role=str(role),
             radius=radius,
             symmetry=shape.symmetry,
-            parts=_parts(shape, radius),
+            parts=_parts(shape, radius, top),
             supports=[
-                Point(x=x, y=y, z=-DISK_HEIGHT / 2)
-                for x, y in support_points(shape, radius).tolist()
+                Point(x=x, y=y, z=-top / 2) for x, y in support_points(shape, radius).tolist()
             ],
         )
-        for shape, role, radius in zip(bodies.shapes, bodies.roles, radii, strict=True)
+        for shape, role, top, radius in zip(
+            bodies.shapes, bodies.roles, bodies.tops, radii, strict=True
+        )
     ]
     return BodiesMessage(header=header(stamp), episode_id=episode_id, bodies=messages)
 
 
-def _parts(shape: Shape, radius: float) -> list[SolidPrimitive]:
+def _parts(shape: Shape, radius: float, height: float) -> list[SolidPrimitive]:
     if shape.solid is Solid.CYLINDER:
-        return [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[DISK_HEIGHT, radius])]
+        return [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[height, radius])]
     if shape.solid is Solid.BOX:
-        sides = [2 * radius, 2 * radius, DISK_HEIGHT]
+        sides = [2 * radius, 2 * radius, height]
         return [SolidPrimitive(type=SolidPrimitive.BOX, dimensions=sides)]
     return [
         SolidPrimitive(
             type=SolidPrimitive.PRISM,
-            dimensions=[DISK_HEIGHT],
+            dimensions=[height],
             polygon=Polygon(points=[Point32(x=x, y=y) for x, y in part.tolist()]),
         )
         for part in shape.parts(radius)

@@ -16,6 +16,7 @@ from sain_core.errors import ConfigError, DatasetError, InvalidInputError
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import MOST_BODIES
 from sain_core.scene import (
+    DISK_HEIGHT,
     MASS,
     OVERLAP_TOLERANCE,
     POSITION,
@@ -50,13 +51,15 @@ def as_roles(names: Sequence[str]) -> tuple[Role, ...]:
 
 @dataclass(frozen=True)
 class Bodies:
-    """Shape and role of each body of a scene; raises `ConfigError` where they cannot be.
+    """Shape, role and height of each body of a scene; raises `ConfigError` where they cannot be.
 
-    Without roles, body 0 is pushable and all others are movable, as in the paper.
+    Without roles, body 0 is pushable and all others are movable, as in the paper. Without heights,
+    all are `DISK_HEIGHT` high.
     """
 
     shapes: tuple[Shape, ...]
     roles: tuple[Role, ...] = ()
+    heights: tuple[float, ...] = ()  # [m], of the tops over the table
 
     def __post_init__(self) -> None:
         """Fill in the roles and check them."""
@@ -67,6 +70,10 @@ class Bodies:
             object.__setattr__(self, "roles", _paper_roles(count))
         if len(self.roles) != count:
             raise ConfigError(f"{count} bodies have {len(self.roles)} roles; give one for each")
+        if self.heights and len(self.heights) != count:
+            raise ConfigError(f"{count} bodies have {len(self.heights)} heights; give one for each")
+        if all(height == DISK_HEIGHT for height in self.heights):
+            object.__setattr__(self, "heights", ())
         if Role.PUSHABLE not in self.roles:
             raise ConfigError(
                 f"no body is pushable: the roles are {', '.join(self.roles)};"
@@ -79,10 +86,12 @@ class Bodies:
         return cls((get_shape("disk"),) * count)
 
     @classmethod
-    def named(cls, shapes: Sequence[str], roles: Sequence[str] = ()) -> Self:
+    def named(
+        cls, shapes: Sequence[str], roles: Sequence[str] = (), heights: Sequence[float] = ()
+    ) -> Self:
         """Return the bodies with shapes and roles of these names, or raise `ConfigError`."""
-        named = as_roles(roles)
-        return cls(tuple(get_shape(name, body) for body, name in enumerate(shapes)), named)
+        found = tuple(get_shape(name, body) for body, name in enumerate(shapes))
+        return cls(found, as_roles(roles), tuple(heights))
 
     def on(self, bottom: str) -> Self:
         """Return the same bodies on feet or on flat bottoms."""
@@ -95,6 +104,11 @@ class Bodies:
     def __len__(self) -> int:
         """Return the number of bodies."""
         return len(self.shapes)
+
+    @property
+    def tops(self) -> tuple[float, ...]:
+        """How high the tops of bodies are over the table, (N,) [m]."""
+        return self.heights or (DISK_HEIGHT,) * len(self)
 
     @cached_property
     def all_round(self) -> bool:
@@ -115,7 +129,7 @@ class Bodies:
     def are_paper_disks(self) -> bool:
         """Whether these are disks on feet with the paper's roles, which nobody needs to state."""
         flat = any(shape.lies_flat for shape in self.shapes)
-        return self.all_round and self.has_paper_roles and not flat
+        return self.all_round and self.has_paper_roles and not flat and not self.heights
 
     @cached_property
     def stand_in_for_disks(self) -> bool:

@@ -80,7 +80,6 @@ class BodyFile:
     names: tuple[str, ...]  # of each its own, for messages and detections
     radii: tuple[float, ...]  # [m], as in a scene
     masses: tuple[float, ...]  # [kg]; nominal where unknown
-    heights: tuple[float, ...]  # [m], of the tops over the table
     tags: tuple[tuple[Tag, ...], ...]  # on the tops; none: found otherwise
     frames: tuple[str, ...]  # on ``/tf``; "": none
     topics: tuple[str, ...]  # with poses; "": none
@@ -91,6 +90,11 @@ class BodyFile:
         scene = make_scene(poses[:, :2], np.array(self.masses), np.array(self.radii))
         scene[:, POSE] = poses
         return scene
+
+    @property
+    def heights(self) -> tuple[float, ...]:
+        """Heights of the tops over the table (N,) [m]."""
+        return self.bodies.tops
 
     def called(self, body: int) -> str:
         """Return what a body is called in messages."""
@@ -130,7 +134,7 @@ def parse_bodies(content: Any) -> BodyFile:
     masses = column("mass", UNKNOWN, _mass)
     radii = column("radius", None, check_number, LEAST_RADIUS, MOST_RADIUS, "m")
     heights = column("height", DISK_HEIGHT, check_number, LEAST_RADIUS, MOST_HEIGHT, "m")
-    bodies = Bodies.named(shapes, roles if all(roles) else ())
+    bodies = Bodies.named(shapes, roles if all(roles) else (), heights)
     for number, body in enumerate(zip(tags, bodies.shapes, radii, strict=True)):
         if body[0]:
             _check_tags(number, *body)
@@ -139,7 +143,6 @@ def parse_bodies(content: Any) -> BodyFile:
         names=own_names,
         radii=tuple(radii),
         masses=tuple(NOMINAL_MASS if mass is None else mass for mass in masses),
-        heights=tuple(heights),
         tags=tuple(tags),
         frames=tuple(frames),
         topics=tuple(topics),

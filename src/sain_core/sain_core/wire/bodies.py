@@ -14,8 +14,10 @@ from numpy import ndarray
 
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
 from sain_core.guarding.untrusted import LEAST_RADIUS, LONGEST_NAME, MOST_BODIES, MOST_RADIUS
+from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.bodies import Bodies, as_roles
 from sain_core.shapes.library import get_shape
+from sain_core.shapes.outlines import MOST_HEIGHT
 from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
 from sain_core.shapes.solids import DISK, Prism
 from sain_core.types import Points
@@ -23,21 +25,23 @@ from sain_core.types import Points
 BOX: Final = 1  # of shape_msgs/SolidPrimitive
 CYLINDER: Final = 3
 PRISM: Final = 5
+DIGITS: Final = 6  # of heights [m]
 SINGLE: Final = 1e-5  # [radii], corners come as float32
 FEET_COUNT: Final = 3  # of supports in a message; any other number is those of a flat bottom
 
 
 def decode_bodies(message: Any) -> Bodies:
-    """Return the shapes and roles that a ``Bodies`` message states.
+    """Return the shapes, roles and heights that a ``Bodies`` message states.
 
     Raises `InvalidInputError`: a number of bodies, or parts, that cannot be; another outline than
-    the shape has here; `OutOfRangeError`: a radius; `ConfigError`: a role.
+    the shape has here; `OutOfRangeError`: a radius, a height; `ConfigError`: a role.
     """
     count = len(message.bodies)
     if not 1 <= count <= MOST_BODIES:
         raise InvalidInputError(f"the message has {count} bodies; allowed: 1 to {MOST_BODIES}")
     shapes = tuple(_shape(number, body) for number, body in enumerate(message.bodies))
-    return Bodies(shapes, as_roles([body.role for body in message.bodies]))
+    heights = tuple(_height(number, body) for number, body in enumerate(message.bodies))
+    return Bodies(shapes, as_roles([body.role for body in message.bodies]), heights)
 
 
 def decode_request_bodies(request: Any) -> Bodies:
@@ -68,6 +72,21 @@ def check_unchanged(first: Bodies, now: Bodies) -> None:
                     f"the {what} of body {body} changed {values} within its episode; it cannot:"
                     " reset the scene"
                 )
+
+
+def _height(number: int, body: Any) -> float:
+    """Return how high a body is [m]: the highest of its parts, which all stand on the table."""
+    stated = [
+        part.dimensions[2 if int(part.type) == BOX else 0]
+        for part in body.parts
+        if len(part.dimensions) > (2 if int(part.type) == BOX else 0)
+    ]
+    height = round(max(stated, default=DISK_HEIGHT), DIGITS)
+    if not LEAST_RADIUS <= height <= MOST_HEIGHT:  # also NaN
+        raise OutOfRangeError(
+            f"body {number} is {height} m high; allowed: {LEAST_RADIUS} to {MOST_HEIGHT} m"
+        )
+    return height
 
 
 def _shape(number: int, body: Any) -> Shape:

@@ -142,6 +142,7 @@ def parameters_of(bodies: BodyFile, truth: TruthConfig, seed: int) -> WorldParam
             radii=bodies.radii,
             shapes=tuple(shape.name for shape in bodies.bodies.shapes),
             roles=tuple(map(str, bodies.bodies.roles)),
+            heights=bodies.bodies.heights,
             friction=float(random.uniform(*FRICTION)),
         )
     )

@@ -18,7 +18,7 @@ from sain_arm.robot.robot import Robot, Vector
 from sain_arm.robot.silhouette import Places, Silhouettes
 from sain_arm.robot.urdf import ROD
 from sain_core.camera.image_camera import Drawing, ImageCamera, ImageCameraConfig
-from sain_core.scene import DISK_HEIGHT, POSITION, THETA, Table
+from sain_core.scene import POSITION, THETA, Table
 from sain_core.shapes.bodies import Bodies
 from sain_core.shapes.body_file import Tag
 from sain_core.shapes.shape import Shape
@@ -86,9 +86,9 @@ class Renderer:
         for index, (shape, radius) in enumerate(zip(bodies.shapes, radii, strict=True)):
             body = spec.worldbody.add_body(name=f"{BODY}{index}", mocap=True)
             colour = rgba(PALETTE.named(colours_of(bodies)[index]))
-            for geom in solid_geoms(spec, body, shape, radius):
+            for geom in solid_geoms(spec, body, shape, radius, bodies.tops[index]):
                 geom.rgba = colour
-            _mark_heading(body, shape, radius)
+            _mark_heading(body, shape, radius, bodies.tops[index])
         self.model = compiled(robot, spec)
         self.data = mujoco.MjData(self.model)
         self._joints = [self.model.joint(name).qposadr[0] for name in robot.joints]
@@ -96,6 +96,7 @@ class Renderer:
                                 for n in range(self.model.nbody)])  # fmt: skip
         self._hides[0] = False  # the scenery, and the last one is nothing
         moving = np.flatnonzero(self.model.geom_group == MOVING)
+        self._middles = np.array(bodies.tops) / 2
         self._silhouettes = Silhouettes(self.model, moving.tolist())
         self._light = np.array(camera.light) / np.linalg.norm(camera.light)
         self._size = 0, 0
@@ -104,7 +105,7 @@ class Renderer:
         """Move the arm to joints (J,) and the bodies to a scene (N, 8)."""
         self.data.qpos[self._joints] = joints
         half = scene[:, THETA] / 2.0
-        self.data.mocap_pos[:, :2], self.data.mocap_pos[:, 2] = scene[:, POSITION], DISK_HEIGHT / 2
+        self.data.mocap_pos[:, :2], self.data.mocap_pos[:, 2] = scene[:, POSITION], self._middles
         self.data.mocap_quat[:] = 0.0
         self.data.mocap_quat[:, 0], self.data.mocap_quat[:, 3] = np.cos(half), np.sin(half)
         mujoco.mj_kinematics(self.model, self.data)
@@ -224,7 +225,7 @@ def _paint_links(spec: Any) -> None:
             geom.group = MOVING
 
 
-def _mark_heading(body: Any, shape: Shape, radius: float) -> None:
+def _mark_heading(body: Any, shape: Shape, radius: float, height: float) -> None:
     """Add a line that shows how a body is turned, if there is room for it ahead of its middle."""
     from shapely import Polygon, box
 
@@ -233,7 +234,7 @@ def _mark_heading(body: Any, shape: Shape, radius: float) -> None:
         body.add_geom(
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[(far - near) / 2, MARK_WIDTH / 2, MARK_HEIGHT / 2],
-            pos=[(near + far) / 2, 0.0, (DISK_HEIGHT + MARK_HEIGHT) / 2],
+            pos=[(near + far) / 2, 0.0, (height + MARK_HEIGHT) / 2],
             rgba=MARK,
             group=MARKS,
         )
@@ -276,4 +277,5 @@ def image_camera(
     if tags is None:
         size = config.tag_size
         tags = [(Tag(body, size),) if size > 0.0 else () for body in range(len(bodies))]
-    return ImageCamera(config, Renderer(robot, bodies, radii, config, table), tags)
+    tops = bodies.fitted(len(radii)).tops
+    return ImageCamera(config, Renderer(robot, bodies, radii, config, table), tags, tops)

@@ -21,7 +21,6 @@ from sain_arm.robot.robot import FASTEST
 from sain_arm.robot.urdf import visible
 from sain_arm.ros.joint_listener import BEYOND
 from sain_core.camera.image_camera import ImageCamera
-from sain_core.errors import ConfigError
 from sain_core.randomness import generator
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import CameraTopics
@@ -29,7 +28,7 @@ from sain_core.ros.node_main import NAMESPACE, OK, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.ros.worker import Worker
-from sain_core.scene import DISK_HEIGHT, THETA
+from sain_core.scene import THETA
 from sain_core.world import ObservationConfig
 from sain_sim.bench.bench import Bench, BenchConfig
 from sain_sim.bench.faults import parse_faults
@@ -48,12 +47,6 @@ class BenchCamera:
 
     def __init__(self, node: Node, bench: Bench, config: BenchConfig) -> None:
         """Stand over the table of a bench, and tell where."""
-        for body, height in enumerate(bench.bodies.heights):
-            if bench.bodies.tags[body] and abs(height - DISK_HEIGHT) > 1e-6:
-                raise ConfigError(
-                    f"{bench.bodies.called(body)} has a height of {height:g} m; bodies of the"
-                    f" bench are {DISK_HEIGHT:g} m high, and tags lie on their tops"
-                )
         self._node, self._bench, self._config = node, bench, config.images
         self._random = generator(config.seed, "images")
         self._topics = CameraTopics(node, config.images)

@@ -98,11 +98,6 @@ class WorldParameters(Config):
                 f"WorldParameters has {len(self.masses)} masses, {len(self.radii)} radii and"
                 f" {len(self.shapes)} shapes; it needs one of each for every body, 1 or more"
             )
-        if self.heights and len(self.heights) != self.count:
-            raise ConfigError(
-                f"WorldParameters has {len(self.heights)} heights for {self.count} bodies; give one"
-                " for each, or none"
-            )
         flat = {shape.lies_flat for shape in self.bodies.shapes}
         if len(flat) > 1:
             raise ConfigError(
@@ -124,8 +119,8 @@ class WorldParameters(Config):
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Shape and role of each body."""
-        return Bodies.named(self.shapes, self.roles)
+        """Shape, role and height of each body."""
+        return Bodies.named(self.shapes, self.roles, self.heights)
 
     @property
     def body_shapes(self) -> tuple[Shape, ...]:
@@ -161,7 +156,7 @@ class WorldParameters(Config):
     @cached_property
     def tops(self) -> Scalars:
         """How high the bodies' tops are when they stand on the table, (N,) [m]."""
-        return np.array(self.heights or (DISK_HEIGHT,) * self.count)
+        return np.array(self.bodies.tops)
 
     @property
     def mass_offsets(self) -> tuple[Pair, ...]:

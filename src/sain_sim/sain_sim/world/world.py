@@ -312,7 +312,7 @@ class World(CheckedWorld):
         """Return the motion of the arm for a stroke from here, checked as a whole."""
         bodies, radii = self.parameters.bodies, self.parameters.radii
         scene = self.observe()
-        self._planner = self._planner.among(bodies, radii, self.parameters.heights)
+        self._planner = self._planner.among(bodies, radii)
         ends = stroke.start.tobytes(), stroke.end.tobytes()
         wanted = (bodies, radii, *ends, stroke.speed, stroke.body, scene.tobytes())
         if self._planned is None or self._planned[0] != wanted:

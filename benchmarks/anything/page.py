@@ -1,0 +1,101 @@
+# ruff: noqa: E501 - lines of the page
+"""docs/reference/anything.md, from the file of results: no number of it is written by hand."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from benchmarks.report import markdown_table
+
+ABOUT: Final = """# Push Anything
+
+For users who ask how fast bodies come to goals. C3+ (Push Anything, arXiv 2510.19974) pushes 24 bodies with a Franka
+arm; the times of its 760 trials are public. Here a simulated arm pushes the same bodies by the same protocol.
+
+<!-- not tested: needs outlines of the bodies, and hours -->
+```
+make anything DATA=~/data/push_anything
+```
+
+**What differs.** Theirs is hardware, with FoundationPose on a GPU and two computers. Ours is simulated: MuJoCo's bodies of full
+height on flat bottoms, with drawn friction, at real-time factor 1. Arm, camera, vision, planner, model and recorder share two cores
+with the simulation, and have no more time than the clock gives. Poses come from tags or outlines in the camera's images. Outlines
+and heights are those of their meshes. Both arms keep the limits of speed of their makers.
+
+**Protocol.** Random goals one after another, 2 cm and 0.1 rad: x from 0.50 to 0.51 m, y within 0.30 m, any heading, where the tool
+finds room around the body. A goal's time runs from its message to the first scene at rest within tolerance, as the camera sees it.
+"""
+QUANTILE: Final = 90
+SEEN: Final = {"tags": "seen by tags", "outlines": "seen by outlines, without tags"}
+FLAT: Final = ("yes", "roughly")  # bodies of which a flat one is a fair model
+
+
+def page(found: Mapping[str, Any]) -> str:
+    """Return the page in Markdown."""
+    return "\n".join(part.strip() + "\n" for part in (ABOUT, *_tables(found), _made(found)))
+
+
+def _tables(found: Mapping[str, Any]) -> Iterator[str]:
+    trials = found["trials"]
+    for robot, see in dict.fromkeys(tuple(key.split(" ")[:2]) for key in trials):
+        ours = {
+            key.split(" ")[2]: rows
+            for key, rows in trials.items()
+            if key.startswith(f"{robot} {see} ") and rows["goals"]
+        }
+        yield f"## {robot}, {SEEN[see]}"
+        yield _table(found, ours)
+        yield _summary(found, ours)
+
+
+def _table(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
+    rows = []
+    for names, trial in ours.items():
+        goals, theirs = trial["goals"], found["theirs"].get(names)
+        times = _times(goals)
+        other = _numbers(theirs) if theirs else ["-"] * 4
+        ratio = f"{np.median(times) / np.median(theirs):.2f}" if theirs and times else "-"
+        flat = found["flat"].get(names, "-")
+        solved = f"{len(times)}/{len(goals)}"
+        rows.append([names.replace("_", " "), flat, solved, *_numbers(times), *other, ratio])
+    header = ["body", "flat", "reached", "median [s]", "mean", f"{QUANTILE} %", "worst",
+              "C3+: median [s]", "mean", f"{QUANTILE} %", "worst", "ratio of medians"]  # fmt: skip
+    return markdown_table(header, rows)
+
+
+def _numbers(times: Sequence[float]) -> list[str]:
+    if not times:
+        return ["-"] * 4
+    values = np.median(times), np.mean(times), np.percentile(times, QUANTILE), max(times)
+    return [f"{value:.1f}" for value in values]
+
+
+def _times(goals: Sequence[Mapping[str, Any]]) -> list[float]:
+    return [goal["seconds"] for goal in goals if goal["seconds"] is not None]
+
+
+def _summary(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
+    flat = {name: one for name, one in ours.items() if found["flat"].get(name, "yes") in FLAT}
+    goals = [goal for one in flat.values() for goal in one["goals"]]
+    if not goals:
+        return "No body is flat."
+    times = _times(goals)
+    at_rest = np.mean([goal["at_rest"] for goal in goals])
+    busy = np.mean([goal["busy"] for goal in goals])
+    broken = sorted({text for one in ours.values() for text in one["broken"]})
+    failed = [f"{name}: {goal['failure']}" for name, one in ours.items()
+              for goal in one["goals"] if goal["failure"]]  # fmt: skip
+    lines = [
+        f"Bodies that are flat: {len(times)} of {len(goals)} goals reached"
+        f" ({len(times) / len(goals):.1%}), median {np.median(times):.1f} s, worst {max(times):.1f} s."
+        f" No joint moved in {at_rest:.0%} of the time; {busy:.0%} of the cores was busy.",
+        f"Limits, contacts but the tool's, and looks at which the tool touched: {'; '.join(broken)}.",
+        *([f"Not reached: {'; '.join(failed)}."] if failed else []),
+    ]
+    return "\n\n".join(lines)
+
+
+def _made(found: Mapping[str, Any]) -> str:
+    made = found["made"]
+    return f"Commit {made['commit']}, on {made['processor']}. The seed of goals, masses and friction is {made['seed']}."
