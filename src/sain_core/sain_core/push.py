@@ -35,9 +35,9 @@ from numpy.typing import ArrayLike
 
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, OutOfRangeError
-from sain_core.scene import POSITION, RADIUS, THETA, check_finite, unit, wrap_angle
+from sain_core.scene import POSITION, RADIUS, THETA, check_finite, turned, unit, wrap_angle
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
-from sain_core.shapes.shape import Shape, outline_of
+from sain_core.shapes.shape import outlines_of
 from sain_core.types import Angles, Indices, Points, PushArray, Pushes, Scalars, Scenes, States
 
 BODY, LOCATION, ANGLE, LENGTH, SPEED = range(5)
@@ -266,17 +266,14 @@ def strokes(
     heading = wrap_angle(location + pushes[..., ANGLE])
     if bodies.all_round:
         return np.asarray(start), heading
-    pushed = pushed_bodies(pushes)
-    lead = start.shape[:-1]
-    heading, location = np.broadcast_to(heading, lead).copy(), np.broadcast_to(location, lead)
-    for body in np.unique(pushed).tolist():
-        mine = np.broadcast_to(pushed == body, lead)
-        if not bodies.shapes[body].is_round:
-            own = np.broadcast_to(state, (*lead, state.shape[-1]))[mine]
-            contact, normal = _contact(own, location[mine], bodies.shapes[body])
-            start[mine] = contact - (limits.tool_radius + limits.clearance) * unit(normal)
-            heading[mine] = wrap_angle(normal + np.broadcast_to(pushes[..., ANGLE], lead)[mine])
-    return start, heading
+    outlines, pushed = outlines_of(bodies.shapes), pushed_bodies(pushes)
+    places, inward = outlines.at(pushed, location)
+    normal = wrap_angle(inward + state[..., THETA])
+    contact = state[..., POSITION] + turned(radius[..., None] * places, state[..., THETA])
+    away = (limits.tool_radius + limits.clearance) * unit(normal)
+    is_round = outlines.is_round[pushed]
+    start = np.where(is_round[..., None], start, contact - away)
+    return start, np.where(is_round, heading, wrap_angle(normal + pushes[..., ANGLE]))
 
 
 def tip_radii(pushes: Pushes, limits: PushLimits) -> Scalars:
@@ -316,15 +313,6 @@ def _pushed_states(scenes: Scenes, pushes: Pushes) -> States:
         return all_states[..., pushed.flat[0], :]
     body = np.broadcast_to(pushed, lead)[..., None, None]
     return np.take_along_axis(all_states, body, axis=-2)[..., 0, :]
-
-
-def _contact(states: States, locations: Angles, shape: Shape) -> tuple[Points, Angles]:
-    """Return points (B, 2) [m] on the outlines of bodies (B, 8), and headings of their normals."""
-    places, inward = outline_of(shape).at(locations)
-    cos, sin = np.cos(states[:, THETA]), np.sin(states[:, THETA])
-    x, y = places.T * states[:, RADIUS]
-    turned = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-    return states[:, POSITION] + turned, wrap_angle(inward + states[:, THETA])
 
 
 def mirror_pushes(pushes: Pushes) -> Pushes:

@@ -6,6 +6,7 @@ has another unit, half of its width: it stands in for the disk of its radius, as
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cache, cached_property
@@ -13,11 +14,11 @@ from math import pi
 from typing import ClassVar, Final, Self
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, unit, wrap_angle
-from sain_core.types import Angles, Mask, Points, Polygons, Scalars
+from sain_core.types import Angles, Indices, Mask, Points, Polygons, Scalars
 
 Pair = tuple[float, float]
 Vector = tuple[float, float, float]
@@ -170,18 +171,11 @@ class Outline:
         """Return the points (..., 2) [radii] at locations (...,), and the headings of the inward
         normals (...,) [rad] there; at a corner that of the side after it.
         """
-        share = np.mod(locations, 2 * pi) / (2 * pi)
-        side = np.searchsorted(self.shares, share, side="right") - 1
-        side = np.clip(side, 0, len(self.shares) - 2)
-        ways, inward = self._sides
-        part = (share - self.shares[side]) / (self.shares[side + 1] - self.shares[side])
-        return self.corners[side] + part[..., None] * ways[side], inward[side]
+        return self._alone.at(0, locations)
 
     @cached_property
-    def _sides(self) -> tuple[Points, Angles]:
-        """The way along each side, and the heading of its inward normal."""
-        ways = np.diff(self.corners, axis=0)
-        return ways, wrap_angle(np.arctan2(ways[:, 1], ways[:, 0]) + pi / 2)
+    def _alone(self) -> "Outlines":
+        return Outlines.of([self])
 
     def facing(self, headings: Angles) -> tuple[Angles, Angles]:
         """Return where a push straight through the middle in headings (...,) touches the outline.
@@ -209,6 +203,54 @@ class Outline:
         locations = np.linspace(-pi, pi, ROUND, endpoint=False)
         points, normals = self.at(locations)
         return locations, np.arctan2(points[..., 1], points[..., 0]), normals
+
+
+LAST: Final = 1.0 - 1e-12  # share of a perimeter; from 1 on the next outline begins
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """All sides of several outlines, those of outline i from `keys` = i on; none of round ones."""
+
+    keys: Float[ndarray, "S"]  # number of the outline, and share of its perimeter up to the side
+    shares: Float[ndarray, "S"]  # of the perimeter up to the side
+    lengths: Float[ndarray, "S"]  # of the side, shares of the perimeter
+    corners: Float[ndarray, "S 2"]  # that sides begin at [radii]
+    ways: Float[ndarray, "S 2"]  # along sides [radii]
+    inward: Float[ndarray, "S"]  # headings of the inward normals [rad]
+    is_round: Bool[ndarray, "N"]
+
+    @classmethod
+    def of(cls, outlines: Sequence[Outline | None]) -> Self:
+        """Return the sides of outlines; None: of a round body."""
+        corners = [np.zeros((2, 2)) if one is None else one.corners for one in outlines]
+        shares = [np.array([0.0, 1.0]) if one is None else one.shares for one in outlines]
+        ways = np.concatenate([np.diff(each, axis=0) for each in corners])
+        return cls(
+            np.concatenate([number + each[:-1] for number, each in enumerate(shares)]),
+            np.concatenate([each[:-1] for each in shares]),
+            np.concatenate([np.diff(each) for each in shares]),
+            np.concatenate([each[:-1] for each in corners]),
+            ways,
+            wrap_angle(np.arctan2(ways[:, 1], ways[:, 0]) + pi / 2),
+            np.array([one is None for one in outlines]),
+        )
+
+    def at(self, numbers: Indices | int, locations: Angles) -> tuple[Points, Angles]:
+        """Return what `Outline.at` does, of outlines (...,) at locations (...,).
+
+        Of round ones it means nothing: their normal is the location.
+        """
+        share = np.mod(locations, 2 * pi) / (2 * pi)
+        side = np.searchsorted(self.keys, numbers + np.minimum(share, LAST), side="right") - 1
+        part = (share - self.shares[side]) / self.lengths[side]
+        return self.corners[side] + part[..., None] * self.ways[side], self.inward[side]
+
+
+@cache
+def outlines_of(shapes: tuple[Shape, ...]) -> Outlines:
+    """Return the outlines of the shapes of bodies."""
+    return Outlines.of([None if shape.is_round else outline_of(shape) for shape in shapes])
 
 
 @cache

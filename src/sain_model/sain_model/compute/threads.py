@@ -37,8 +37,10 @@ def run_blocks(work: Callable[[int], None], total: int, size: int) -> None:
 
 
 def even_blocks(total: int, most: int) -> int:
-    """Return a size of blocks, at most `most`, that keeps all threads busy to the end."""
-    return max(min(most, -(-total // (4 * numba.get_num_threads()))), 1)
+    """Return a size of blocks, at most `most`, of which all threads have equally many."""
+    threads = numba.get_num_threads()
+    each = max(-(-total // (most * threads)), 1)
+    return max(-(-total // (each * threads)), 1)
 
 
 @functools.cache

@@ -5,7 +5,7 @@ given an episode's earlier pushes, which kind and which parameters are the most 
 adds what the physics leaves, where no earlier pushes contradict.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -18,14 +18,14 @@ from numpy import ndarray
 from sain_core.errors import ConfigError
 from sain_core.model import Model, Radii, scenes_before
 from sain_core.push import LENGTH, pushed_bodies
-from sain_core.scene import POSITION
+from sain_core.scene import POSE, POSITION
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import BOTTOMS, Shape
 from sain_core.transitions import PushHistory
 from sain_core.types import PredictedScenes, Pushes, PushSequences, Scalars, Scene, Scenes
 from sain_model.compute.compiling import plain
 from sain_model.compute.kernel_store import compile_visibly
-from sain_model.compute.threads import run_blocks
+from sain_model.compute.threads import even_blocks, run_blocks
 from sain_model.dynamics.intervals import Intervals, Prediction
 from sain_model.dynamics.memory import Memory, Recorded
 from sain_model.inference.evidence import (
@@ -107,22 +107,28 @@ class ResidualNetwork:
         return corrected
 
     def _corrected(self, physics: PhysicsPrediction) -> Scenes:
-        scenes, pushes, after, bodies, values = physics
-        corrected = np.array(after, dtype=np.float64, order="C")
-        frames, config = push_frames(scenes, pushes, bodies), self.weights.config
-        rows = plain(scenes), plain(frames)
-        believed = plain(network_beliefs(config, values, scenes.shape[1]))
-        table, places = (
-            outline_table(bodies.fitted(scenes.shape[1])),
-            config.features == WORLD_FRAME,
-        )
-        packed = self._packed
-
-        def work(first: int) -> None:
-            correct_block(first, *rows, corrected, believed, table, places, packed)
-
-        run_blocks(work, len(scenes), LANES)
+        corrected = np.array(physics.after, dtype=np.float64, order="C")
+        work, size = self.correction(physics._replace(after=corrected)), LANES
+        run_blocks(lambda first: work(first, first + size), len(corrected), size)
         return corrected
+
+    def correction(self, physics: PhysicsPrediction) -> Callable[[int, int], None]:
+        """Return what corrects predictions in place, up to `LANES` of them.
+
+        It takes the number of the first one, and of the one behind the last one. What physics
+        predicts for these is not looked at before.
+        """
+        scenes, pushes, after, bodies, values = physics
+        frames, config = push_frames(scenes, pushes, bodies), self.weights.config
+        rows = plain(scenes), plain(frames), after
+        believed = plain(network_beliefs(config, values, scenes.shape[1]))
+        table = outline_table(bodies.fitted(scenes.shape[1]))
+        places, packed = config.features == WORLD_FRAME, self._packed
+
+        def work(first: int, last: int) -> None:
+            correct_block(first, last, *rows, believed, table, places, packed)
+
+        return work
 
     def spread(self, physics: PhysicsPrediction) -> Float[ndarray, "B N"]:
         """Return the standard deviation of the members' places [m]; 0 for a lone network."""
@@ -284,8 +290,42 @@ class SainDynamics(Model):
 
         `values` (B,) are of parameters that are given, by name; all others are the most likely.
         """
-        physics_next = step_knowing(self.physics, scenes, pushes, values)
+        prior = self.physics
+        if isinstance(prior, PlanarPrior) and self.network is not None and self.corrects:
+            return self._step_at_once(prior, self.network, scenes, pushes, values)
+        physics_next = step_knowing(prior, scenes, pushes, values)
         return self.correct(scenes, pushes, physics_next, values)
+
+    def _step_at_once(
+        self,
+        prior: PlanarPrior,
+        network: ResidualNetwork,
+        scenes: Scenes,
+        pushes: Pushes,
+        values: Values | None,
+    ) -> Scenes:
+        """Predict by physics and network, each thread its block by both: none waits between."""
+        simulation = prior.simulation(scenes, pushes, values)
+        after, size = simulation.scenes, even_blocks(len(scenes), LANES)
+        correction = network.correction(self._seen_with(scenes, pushes, after, values))
+
+        def work(first: int) -> None:
+            simulation.run(first, first + size)
+            correction(first, first + size)
+
+        run_blocks(work, len(scenes), size)
+        if fixed := list(self.bodies.fixed):
+            after[:, fixed, POSE] = scenes[:, fixed, POSE]
+        memory = self.now.memories[0]
+        return memory.correct(scenes, pushes, after, self.bodies) if memory else after
+
+    def _seen_with(
+        self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, values: Values | None
+    ) -> PhysicsPrediction:
+        """Return a prediction of physics as the network sees it now, with values that are given."""
+        ratio, believed = self._seen_now
+        weighed, believed = with_mass_ratio(scenes, ratio), believed | dict(values or {})
+        return PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
 
     def correct(
         self, scenes: Scenes, pushes: Pushes, physics_next: Scenes, values: Values | None = None
@@ -293,9 +333,7 @@ class SainDynamics(Model):
         """Return a prediction `physics_next` (B, N, 8) of physics, corrected where that counts."""
         after = physics_next.copy()
         if self.network is not None and self.corrects:
-            ratio, believed = self._seen_now
-            weighed, believed = with_mass_ratio(scenes, ratio), believed | dict(values or {})
-            physics = PhysicsPrediction(weighed, pushes, physics_next, self.bodies, believed)
+            physics = self._seen_with(scenes, pushes, physics_next, values)
             after = self.network.correct(physics)
         memory = self.now.memories[0]
         return memory.correct(scenes, pushes, after, self.bodies) if memory else after

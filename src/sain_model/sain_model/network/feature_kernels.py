@@ -208,7 +208,7 @@ ORDER_3_SCALE: Final = 3.0
 TABLE_X, TABLE_Y = 0.5, 0.0  # [m], the middle of the table
 TABLE_SCALE: Final = 0.2  # [m]
 
-LANES: Final = 128  # pushes side by side: the widest layers still fit into a core's nearest cache
+LANES: Final = 64  # pushes side by side: few, so that all threads have some of a small batch
 
 
 class NetworkWork(NamedTuple):
@@ -224,7 +224,7 @@ class NetworkWork(NamedTuple):
     bodies: np.ndarray  # (N, inputs of f_dyn, LANES) float32
     relations: np.ndarray  # (N N, inputs of f_rel, LANES) float32
     packed: np.ndarray  # (inputs of f_rel, LANES) float32, relations of bodies that are near
-    packed_from: np.ndarray  # (LANES, 2) int64, number and lane of a packed relation
+    packed_from: np.ndarray  # (LANES, 2) uint32, body and lane of a packed relation
     messages: np.ndarray  # (M, N, message, LANES) float32, sums of what bodies are told
     hidden: np.ndarray  # (2, widest layer, LANES) float32
     residual: np.ndarray  # (N, 3, LANES) dx, dy [m] in the push frame, dtheta [rad]
@@ -360,7 +360,7 @@ def make_work(bodies, corners, relation_inputs, body_inputs, widest, members, me
         np.zeros((bodies, body_inputs, LANES), np.float32),
         np.zeros((bodies * bodies, relation_inputs, LANES), np.float32),
         np.zeros((relation_inputs, LANES), np.float32),
-        np.empty((LANES, 2), np.int64),
+        np.empty((LANES, 2), np.uint32),
         np.empty((members, bodies, message, LANES), np.float32),
         np.empty((2, widest, LANES), np.float32),
         np.zeros((bodies, 3, LANES)),

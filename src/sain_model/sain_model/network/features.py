@@ -52,7 +52,8 @@ VECTORS: Final = (  # x and y of each, in the order in which the kernels turn th
     "centre_x", "centre_y", "grain_x", "grain_y", "table_grain_x", "table_grain_y", "tip_x", "tip_y"
 )  # fmt: skip
 SCALES: Final = {"pressure": 1.0}  # by name; else the spread of the parameter
-BELIEVED_FEATURES: Final = len(FACTORS) + len(NUMBERS) + len(VECTORS)
+SEEN: Final = (*FACTORS, *NUMBERS, *VECTORS)
+BELIEVED_FEATURES: Final = len(SEEN)
 # Columns that change their sign in a mirror.
 MIRRORED_BELIEVED: Final = tuple(range(VECTORS_FROM + 1, BELIEVED_FEATURES, 2))
 
@@ -65,16 +66,16 @@ def network_beliefs(config: NetworkConfig, values: Values, bodies: int) -> Float
     """
     if not config.believed:
         return np.empty((1, bodies, 0))
-    columns: list[ndarray] = []
-    for name in (*FACTORS, *NUMBERS, *VECTORS):
-        middle = FACTORS.get(name, 0.0)
-        value = values.get(name, np.full(1, middle))
-        value = value[:, None] if value.ndim == 1 else value
-        if name in FACTORS:
-            value = np.log(np.maximum(value, LEAST * middle) / middle)
-        columns.append(value / SCALES.get(name, BY_NAME[name].spread))
-    rows = max(map(len, columns))
-    return np.stack([np.broadcast_to(some, (rows, bodies)) for some in columns], axis=-1)
+    rows = max((len(values[name]) for name in SEEN if name in values), default=1)
+    believed = np.zeros((rows, bodies, len(SEEN)))
+    for column, name in enumerate(SEEN):
+        if name in values:
+            value = values[name]
+            if name in FACTORS:
+                value = np.log(np.maximum(value, LEAST * FACTORS[name]) / FACTORS[name])
+            scale = SCALES.get(name, BY_NAME[name].spread)
+            believed[..., column] = (value[:, None] if value.ndim == 1 else value) / scale
+    return believed
 
 
 Strokes = Float[ndarray, "B S"]

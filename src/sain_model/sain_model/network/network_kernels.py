@@ -17,6 +17,7 @@ from sain_model.compute.compiling import (
     compiled,
     compiled_apart,
 )
+from sain_model.network.dense_kernels import dense, silu
 from sain_model.network.feature_kernels import (
     GAP_AFTER,
     GAP_BEFORE,
@@ -33,28 +34,9 @@ LEAST_ERROR = np.float32(0.0008)  # [m]
 ERROR_SHARE = np.float32(0.06)
 MOST_ERROR = np.float32(0.003)  # [m]
 
-TILE = 4  # inputs x outputs that one pass of a dense layer takes; widths are padded to it
 OUTPUTS = 3  # dx, dy, dtheta
 
-HALF, ONE, THREE = np.float32(0.5), np.float32(1.0), np.float32(3.0)
-FLAT = np.float32(7.9)  # beyond it tanh is 1 in single precision
-# tanh(z) ~ z P(z^2) / Q(z^2), a minimax approximation to a few units in the last place: Eigen's,
-# https://gitlab.com/libeigen/eigen, generic_fast_tanh_float.
-P0, P1, P2, P3, P4, P5, P6 = (
-    np.float32(4.89352455891786e-03),
-    np.float32(6.37261928875436e-04),
-    np.float32(1.48572235717979e-05),
-    np.float32(5.12229709037114e-08),
-    np.float32(-8.60467152213735e-11),
-    np.float32(2.00018790482477e-13),
-    np.float32(-2.76076847742355e-16),
-)
-Q0, Q1, Q2, Q3 = (
-    np.float32(4.89352518554385e-03),
-    np.float32(2.26843463243900e-03),
-    np.float32(1.18534705686654e-04),
-    np.float32(1.19825839466702e-06),
-)
+ONE, THREE = np.float32(1.0), np.float32(3.0)
 
 
 class PackedWeights(NamedTuple):
@@ -78,49 +60,11 @@ class PackedWeights(NamedTuple):
     outputs: np.ndarray  # (C, 3) float32
 
 
-@compiled
-def dense(weights, at, inputs, outputs, x, y):
-    """Write a layer's outputs (outputs, LANES); its tiles begin at `at` in the weights.
-
-    One pass of the inner loop loads 4 inputs and adds to 4 outputs: 16 products for 8 loads and
-    4 stores, which keeps the multipliers busy.
-    """
-    bias = at + inputs * outputs
-    for o in range(0, outputs, TILE):
-        t = bias + o
-        a0, b0, c0, d0 = weights[t], weights[t + 1], weights[t + 2], weights[t + 3]
-        for lane in range(LANES):
-            y[o, lane], y[o + 1, lane], y[o + 2, lane], y[o + 3, lane] = a0, b0, c0, d0
-        for k in range(0, inputs, TILE):
-            t = at + o * inputs + TILE * k
-            a0, a1, a2, a3 = weights[t], weights[t + 1], weights[t + 2], weights[t + 3]
-            b0, b1, b2, b3 = weights[t + 4], weights[t + 5], weights[t + 6], weights[t + 7]
-            c0, c1, c2, c3 = weights[t + 8], weights[t + 9], weights[t + 10], weights[t + 11]
-            d0, d1, d2, d3 = weights[t + 12], weights[t + 13], weights[t + 14], weights[t + 15]
-            for lane in range(LANES):
-                x0, x1, x2, x3 = x[k, lane], x[k + 1, lane], x[k + 2, lane], x[k + 3, lane]
-                y[o, lane] = y[o, lane] + a0 * x0 + a1 * x1 + a2 * x2 + a3 * x3
-                y[o + 1, lane] = y[o + 1, lane] + b0 * x0 + b1 * x1 + b2 * x2 + b3 * x3
-                y[o + 2, lane] = y[o + 2, lane] + c0 * x0 + c1 * x1 + c2 * x2 + c3 * x3
-                y[o + 3, lane] = y[o + 3, lane] + d0 * x0 + d1 * x1 + d2 * x2 + d3 * x3
-
-
-@compiled
-def silu(y, rows):
-    """Replace the first rows by v sigmoid(v) = v (1 + tanh(v / 2)) / 2."""
-    for row in range(rows):
-        for lane in range(LANES):
-            half = HALF * y[row, lane]
-            z = min(max(half, -FLAT), FLAT)
-            s = z * z
-            p = ((((((P6 * s + P5) * s + P4) * s + P3) * s + P2) * s + P1) * s + P0) * z
-            q = ((Q3 * s + Q2) * s + Q1) * s + Q0
-            y[row, lane] = half * (ONE + p / q)
-
-
 @compiled_apart
-def perceptron(weights, widths, x, hidden):
-    """Write what a member's perceptron makes of inputs (inputs, LANES), whose padding is zero.
+def perceptron(weights, widths, x, hidden, lanes):
+    """Write what a member's perceptron makes of inputs (inputs, LANES) in the first lanes.
+
+    The padding of inputs is zero.
 
     Returns in which of the two `hidden` buffers that is.
     """
@@ -128,9 +72,9 @@ def perceptron(weights, widths, x, hidden):
     for layer in range(last + 1):
         inputs, outputs = widths[layer], widths[layer + 1]
         target = hidden[layer % 2]
-        dense(weights, at, inputs, outputs, source, target)
+        dense(weights, at, inputs, outputs, source, target, lanes)
         if layer < last:
-            silu(target, outputs)
+            silu(target, outputs, lanes)
         at += (inputs + 1) * outputs
         source = target
     return last % 2
@@ -143,19 +87,19 @@ def sum_messages(weights, work, lanes):
     Disks far apart send no messages, so that more of them change nothing either. All others are
     packed, so that no lane is idle.
     """
-    relations, count = work.relations, 0
+    relations, others, count = work.relations, work.bodies.shape[0], 0
     for member in range(work.messages.shape[0]):
         for body in range(work.messages.shape[1]):
             for row in range(weights.message):
                 for lane in range(LANES):
                     work.messages[member, body, row, lane] = 0.0
     for number in range(relations.shape[0]):
-        pair = relations[number]
+        pair, body = relations[number], number // others
         for lane in range(lanes):
             if min(pair[GAP_BEFORE, lane], pair[GAP_AFTER, lane]) != ONE:
                 for row in range(pair.shape[0]):
                     work.packed[row, count] = pair[row, lane]
-                work.packed_from[count, 0], work.packed_from[count, 1] = number, lane
+                work.packed_from[count, 0], work.packed_from[count, 1] = body, lane
                 count += 1
                 if count == LANES:
                     _send(weights, work, count)
@@ -166,14 +110,16 @@ def sum_messages(weights, work, lanes):
 @compiled_apart
 def _send(weights, work, count):
     """Add the messages of so many packed relations to those of their bodies."""
-    packed, others = work.packed, work.bodies.shape[0]
+    packed = work.packed
     for member in range(weights.relation.shape[0]):
-        which = perceptron(weights.relation[member], weights.relation_widths, packed, work.hidden)
+        which = perceptron(
+            weights.relation[member], weights.relation_widths, packed, work.hidden, count
+        )
         told, messages = work.hidden[which], work.messages[member]
-        for column in range(count):
-            body, lane = work.packed_from[column, 0] // others, work.packed_from[column, 1]
-            near = ONE - min(packed[GAP_BEFORE, column], packed[GAP_AFTER, column])
-            for row in range(weights.message):
+        for row in range(weights.message):
+            for column in range(count):
+                body, lane = work.packed_from[column, 0], work.packed_from[column, 1]
+                near = ONE - min(packed[GAP_BEFORE, column], packed[GAP_AFTER, column])
                 messages[body, row, lane] += told[row, column] * near
 
 
@@ -222,7 +168,7 @@ def forward(weights, work, lanes):
                 for lane in range(LANES):
                     inputs[first + row, lane] = work.messages[member, body, row, lane]
             which = perceptron(
-                weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden
+                weights.dynamics[member], weights.dynamics_widths, inputs, work.hidden, lanes
             )
             told = work.hidden[which]
             for output in range(OUTPUTS):
@@ -251,17 +197,9 @@ def apply(push, residual, lane, scene):
         scene[body, THETA] = wrap(scene[body, THETA] + residual[body, 2, lane])
 
 
-@callable_kernel
-def correct_block(first, scenes, strokes, physics_next, believed, table, places, weights):
-    """Correct up to `LANES` predictions (B, N, 8) in place, from the one numbered `first` on.
-
-    `believed` (B, N, P), or (1, N, P) for all, is what the network sees of what is believed of the
-    physics; `places`: whether it sees places and headings.
-    """
-    inputs = weights.relation_widths[0], weights.dynamics_widths[0]
-    sizes = weights.widest, weights.relation.shape[0], weights.message
-    work = make_work(scenes.shape[1], table.corners.shape[0], *inputs, *sizes)
-    last = min(first + LANES, scenes.shape[0])
+@compiled_apart
+def correct(first, last, scenes, strokes, physics_next, believed, table, places, weights, work):
+    """Correct what `correct_block` does, with its scratch memory."""
     for index in range(first, last):
         row = min(index, believed.shape[0] - 1)
         given = scenes[index], strokes[index], physics_next[index], believed[row]
@@ -270,3 +208,17 @@ def correct_block(first, scenes, strokes, physics_next, believed, table, places,
     for index in range(first, last):
         if strokes[index, LENGTH] != 0.0:
             apply(strokes[index], work.residual, index - first, physics_next[index])
+
+
+@callable_kernel
+def correct_block(first, last, scenes, strokes, physics_next, believed, table, places, weights):
+    """Correct up to `LANES` predictions (B, N, 8) in place, from number `first` to before `last`.
+
+    There may be fewer. `believed` (B, N, P), or (1, N, P) for all, is what the network sees of what
+    is believed of the physics; `places`: whether it sees places and headings.
+    """
+    inputs = weights.relation_widths[0], weights.dynamics_widths[0]
+    sizes = weights.widest, weights.relation.shape[0], weights.message
+    work = make_work(scenes.shape[1], table.corners.shape[0], *inputs, *sizes)
+    end = min(last, scenes.shape[0])
+    correct(first, end, scenes, strokes, physics_next, believed, table, places, weights, work)

@@ -11,9 +11,10 @@ from numpy import ndarray
 from safetensors import SafetensorError
 
 from sain_core.errors import CheckpointError
+from sain_model.network.dense_kernels import TILE
 from sain_model.network.feature_kernels import TURN_SCALE
 from sain_model.network.features import count_features
-from sain_model.network.network_kernels import OUTPUTS, TILE, PackedWeights
+from sain_model.network.network_kernels import OUTPUTS, PackedWeights
 from sain_model.network.settings import NetworkConfig
 
 POSITION_UNIT: Final = 0.005  # [m], an output of 1; dtheta counts in TURN_SCALE

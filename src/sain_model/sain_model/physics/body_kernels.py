@@ -41,8 +41,9 @@ BODY: Final = _record(
     # The velocity that an impulse gives a body that creeps: a symmetric matrix of x, y and spin.
     " move_xx move_xy move_yy move_xs move_ys move_ss"
     # The radius that corners are rounded with, that of the circumscribed circle, the arm on which
-    # friction resists a turn on the spot [m], and by how much sooner it stops what turns.
-    " round reach twist sooner"
+    # friction resists a turn on the spot [m], by how much sooner it stops what turns, and how light
+    # the body is to turn from a support, over its squared arm [1/m^2].
+    " round reach twist sooner yields"
     # Deceleration by friction with the table, and acceleration by a slope [m/s^2].
     " slowing slope_x slope_y"
     # From the centroid to the centre of mass in the body's frame, and where the latter began [m].
@@ -62,10 +63,8 @@ BODY: Final = _record(
 # A corner in its body's frame [m], with the side to the next one: its direction and length.
 CORNER: Final = _record("x y side_x side_y length", flags="convex")
 # A support in its body's frame [m]. `share` is of the load, `lean_x` and `lean_y` how it grows with
-# a shift of the load [1/m]. `yield_` says how light the body is to turn from here.
-SUPPORT: Final = _record(
-    "x y share lean_x lean_y yield_ pull_x pull_y arm_x arm_y limit held_x held_y"
-)
+# a shift of the load [1/m].
+SUPPORT: Final = _record("x y share lean_x lean_y pull_x pull_y arm_x arm_y limit held_x held_y")
 CONTACT: Final = _record(
     # Normal, and arms about both bodies' centres where the impulse acts (in the middle of a step):
     # of the impulse along the normal, and across it.
@@ -264,12 +263,11 @@ def _load_supports(work, row, radius, table, body, physics, own):
     # As heavy to turn as a disk on its feet, however far this body's feet are from each other.
     heaviness = own.inertia / (physics.foot_radius * physics.foot_radius)
     lightness = loaded.swing if loaded.lightness > 0.0 else 0.0
+    loaded.yields = heaviness * lightness
     twist = 0.0
     for foot in range(start, end):
         support = work.supports[foot]
-        squared = support.x**2 + support.y**2
-        support.yield_ = heaviness * squared * lightness
-        twist += support.share * np.sqrt(squared)
+        twist += support.share * np.sqrt(support.x**2 + support.y**2)
     loaded.twist = twist
     # At its rim, friction takes this much more from what turns than from what slides, but for a
     # factor of 2 that steps leave room for.

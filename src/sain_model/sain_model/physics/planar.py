@@ -28,7 +28,7 @@ from sain_core.push import (
     strokes,
     tip_radii,
 )
-from sain_core.scene import MASS, OVERLAP_TOLERANCE
+from sain_core.scene import OVERLAP_TOLERANCE
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_core.shapes.shape import REGULAR_FEET, Shape, feet_places
 from sain_core.shapes.solids import flat_bottom
@@ -78,20 +78,19 @@ class BodyTable(NamedTuple):
     fixed: Bool[ndarray, "N"]
 
 
-def push_bodies(
-    scenes: Scenes, ways: Ways, pushed: Indices, table: BodyTable, physics: ndarray, own: ndarray
-) -> Scenes:
-    """Simulate pushes: return the settled scenes.
+class Simulation(NamedTuple):
+    """Pushes that are ready to be simulated, a block of them after the other."""
 
-    `ways` are as `tool_ways` makes them, `physics` (R,) and `own` (R, N) as `rows_of` does.
-    """
-    after, size = plain(scenes.copy()), even_blocks(len(scenes), CHUNK)
+    scenes: Scenes  # (B, N, 8), changed to the settled ones
+    pushed: Indices
+    ways: Ways  # as `tool_ways` makes them
+    table: BodyTable
+    physics: ndarray  # (R,), as `rows_of` makes them
+    own: ndarray  # (R, N), likewise
 
-    def work(first: int) -> None:
-        push_bodies_block(first, first + size, after, pushed, ways, table, physics, own)
-
-    run_blocks(work, len(scenes), size)
-    return after
+    def run(self, first: int, last: int) -> None:
+        """Simulate those from number `first` to before `last`; there may be fewer."""
+        push_bodies_block(first, last, *self)
 
 
 def tool_ways(
@@ -246,6 +245,14 @@ class PlanarPrior(Model):
         stroke that begins inside a body; `OutOfRangeError`: a push that no model may be asked
         about.
         """
+        simulation, size = self.simulation(scenes, pushes, values), even_blocks(len(scenes), CHUNK)
+        run_blocks(lambda first: simulation.run(first, first + size), len(scenes), size)
+        return simulation.scenes
+
+    def simulation(
+        self, scenes: Scenes, pushes: Pushes, values: Values | None = None
+    ) -> Simulation:
+        """Return what `step` simulates, which raises the same."""
         check_batch(scenes, pushes, self.bodies)
         values = values or {}
         batch, count, _ = scenes.shape
@@ -258,11 +265,8 @@ class PlanarPrior(Model):
             check_starts(scenes, pushes, bodies)
             physics["tool_radius"] = tip_radii(pushes, limits)
         ways = tool_ways(scenes, pushes, limits, bodies, physics)
-        after = push_bodies(scenes, ways, pushed_bodies(pushes), body_table(bodies), physics, own)
-        idle = pushes[:, LENGTH] == 0.0
-        after[idle] = scenes[idle]
-        after[..., MASS:] = scenes[..., MASS:]
-        return after
+        pushed, table = pushed_bodies(pushes), body_table(bodies)
+        return Simulation(plain(scenes.copy()), pushed, ways, table, physics, own)
 
 
 @lru_cache

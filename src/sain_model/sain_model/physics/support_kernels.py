@@ -40,8 +40,8 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
     cos, sin = body.cos, body.sin
     mean_x, mean_y = 0.0, 0.0
     grain_x, grain_y = grain_of(body, physics)
-    axes_yield = turns * physics.axes_yield
-    across_yield = turns * (1.0 / physics.yield_across - 1.0)
+    axes_yield = turns * physics.axes_yield * body.yields
+    across_yield = turns * (1.0 / physics.yield_across - 1.0) * body.yields
     for foot in range(work.first_support[row], work.first_support[row + 1]):
         support = work.supports[foot]
         arm_x = cos * support.x - sin * support.y
@@ -49,17 +49,15 @@ def _pull_back(work, row, vx, vy, spin, slowing, turns, physics):
         support.arm_x, support.arm_y = arm_x, arm_y
         x, y = vx - spin * arm_y, vy + spin * arm_x
         support.limit = x * x + y * y < (SLOW * slowing) ** 2
-        squared = arm_x * arm_x + arm_y * arm_y
-        if squared > 0.0:
-            # A solver gives way to where a support is lighter to move: across its arm.
-            if axes_yield > 0.0:
-                light = axes_yield * support.yield_ / squared
-                x /= 1.0 + light * arm_y * arm_y
-                y /= 1.0 + light * arm_x * arm_x
-            if across_yield > 0.0:
-                light = across_yield * support.yield_
-                less = light / (1.0 + light) * (arm_x * y - arm_y * x) / squared
-                x, y = x + less * arm_y, y - less * arm_x
+        # A solver gives way to where a support is lighter to move: across its arm.
+        if axes_yield > 0.0:
+            less_x, less_y = 1.0 + axes_yield * arm_y * arm_y, 1.0 + axes_yield * arm_x * arm_x
+            scale = 1.0 / (less_x * less_y)
+            x, y = scale * less_y * x, scale * less_x * y
+        if across_yield > 0.0:
+            less = 1.0 + across_yield * (arm_x * arm_x + arm_y * arm_y)
+            less = across_yield / less * (arm_x * y - arm_y * x)
+            x, y = x + less * arm_y, y - less * arm_x
         # Friction never turns a support back: below `slowing` it falls linearly.
         share = slowing / max(np.sqrt(x * x + y * y), slowing)
         x, y = (1.0 + grain_x) * x + grain_y * y, grain_y * x + (1.0 - grain_x) * y

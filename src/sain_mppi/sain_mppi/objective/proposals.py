@@ -18,8 +18,8 @@ from sain_core.push import (
     push_direction,
 )
 from sain_core.scene import POSITION, RADIUS, THETA, unit, wrap_angle
-from sain_core.shapes.shape import outline_of
-from sain_core.types import Angles, Indices, Place, Points, PushSequences, Scalars, Scene
+from sain_core.shapes.shape import outline_of, outlines_of
+from sain_core.types import Angles, Place, Points, PushSequences, Scalars, Scene
 from sain_mppi.objective.cost import Objective, pose_distance
 
 STRAIGHT_SHARE: Final = 0.25  # of the candidates through another body; the others go around
@@ -103,7 +103,9 @@ def _straight_at(
     way = goal.places[chosen] - scene[body, POSITION]
     location = generator.uniform(-np.pi, np.pi, (len(body), 4))
     facing = np.arctan2(way[:, 1], way[:, 0])
-    normal = np.stack([_normals(objective, body, column) for column in location.T], axis=1)
+    outlines = outlines_of(objective.bodies.shapes)
+    inward = outlines.at(body[:, None], location)[1] + scene[body, THETA, None]
+    normal = np.where(outlines.is_round[body, None], location, inward)
     apart = wrap_angle(facing[:, None] - normal)
     best, rows = np.argmin(np.abs(apart), axis=1), np.arange(len(body))
     pushes = idle_pushes(len(body))
@@ -114,17 +116,6 @@ def _straight_at(
     length = limits.clearance + np.linalg.norm(way, axis=1) * scatter
     pushes[:, LENGTH] = np.minimum(length, limits.max_length)
     return inside_limits(pushes.reshape(count, horizon, PUSH_SIZE), limits)
-
-
-def _normals(objective: Objective, bodies: Indices, locations: Angles) -> Angles:
-    """Return the headings (B,) [rad] of inward normals at locations (B,) on bodies (B,)."""
-    normals = locations.copy()
-    for body in np.unique(bodies).tolist():
-        shape, mine = objective.bodies.shapes[body], bodies == body
-        if not shape.is_round:
-            heading = objective.problem.scene[body, THETA]
-            normals[mine] = outline_of(shape).at(locations[mine])[1] + heading
-    return normals
 
 
 def _through(
