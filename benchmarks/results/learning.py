@@ -11,11 +11,13 @@ service, all with the earlier pushes of the episode, before it is learned from. 
 
 `others` is a table-like world that nothing here was fitted to: soft contacts, a tool that is off,
 friction that is twice as large along y, and in each episode bodies with other centres of mass.
+`drawn` is the same with drawn pushes: how far the k-th push of a body errs less than its first.
 """
 
 import argparse
 import json
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 from pathlib import Path
@@ -24,9 +26,10 @@ from typing import Any, Final
 import numpy as np
 
 from benchmarks.report import Figure, report
-from sain_core.errors import SainError
+from sain_core.errors import BlockedError, OffTableError, SainError, UnreachableError
 from sain_core.model import RolloutModel, load_dynamics
-from sain_core.output import claim_folder, write_json
+from sain_core.output import claim_folder, make_folder, write_json
+from sain_core.push import pushed_bodies
 from sain_core.randomness import Interval, bootstrap_ratio, generator
 from sain_core.scene import is_settled
 from sain_core.shapes.bodies import Bodies
@@ -42,29 +45,37 @@ from sain_lab.storage.laboratory import Laboratory
 from sain_lab.storage.results import Result
 from sain_model.compute.kernel_store import compile_kernels
 from sain_mppi.agent.agent import AgentConfig, planning_agent
+from sain_sim.collecting.episode import draw_outline_push
 from sain_sim.engines import mujoco_cell
 from sain_sim.world.engines import BULLET, MUJOCO
 from sain_sim.world.own import open_world
 from sain_sim.world.parameters import WorldParameters
+from sain_sim.world.start import wholly_on
 from sain_sim.world.truth import MEASURED, ROUGH, TruthConfig
 from sain_sim.world.workcell import WorldConfig
 
 OTHERS: Final = "others"
+DRAWN: Final = "drawn"
 MOST_OFFSET: Final = 0.3  # [radii], of the centre of mass there
 GRAIN: Final = 2.0  # friction along y over friction along x there
+STRANGE: Final = TruthConfig(MEASURED, "soft,offset,grip", lab=777, engine=MUJOCO, bottom=FLAT)
 LABS: Final = {
     "mujoco": TruthConfig(engine=MUJOCO),
-    OTHERS: TruthConfig(MEASURED, "soft,offset,grip", lab=777, engine=MUJOCO, bottom=FLAT),
+    OTHERS: STRANGE,
+    DRAWN: STRANGE,
     **{f"rough_{lab}": TruthConfig(ROUGH, lab=lab, engine=BULLET) for lab in (101, 102, 103)},
     **{f"measured_{lab}": TruthConfig(MEASURED, lab=lab, engine=MUJOCO) for lab in (101, 102)},
 }
 SEED: Final = 300_000  # of the first scene
 PUSHES: Final = 350
 TOLERANCE: Final = 0.005  # [m]
+TRIES: Final = 50  # of a drawn push
 TRAINING: Final = 10  # pushes
 NEXT: Final = 50  # pushes that the error of the next one is the mean of
 TARGETS: Final = {25: (0.85, 0.95), 100: (0.75, 0.85), 300: (0.65, 0.8)}  # others: the second
 WORST: Final = 1.03
+EPISODE: Final = 16  # drawn pushes
+OF_BODY: Final = {3: 0.8, 6: 0.7}  # number of a body's push: most of its error over the first's
 SHIPPED, PLANAR, SERVICE = "shipped", "planar", "service"
 
 
@@ -132,6 +143,21 @@ class Watched(Sight):
         return after
 
 
+def push_anywhere(watched: Watched, bodies: Bodies, seed: int, pushes: int) -> None:
+    """Carry out drawn pushes of all bodies, until one leaves the table or none is possible."""
+    random = generator(seed, DRAWN)
+    for _ in range(pushes):
+        scene, done = watched.world.observe(), False
+        for _ in range(TRIES):
+            push = draw_outline_push(random, scene, bodies.fitted(len(scene)))
+            with suppress(UnreachableError, BlockedError, OffTableError):
+                watched.push(push, scene)
+                done = True
+                break
+        if not done or not wholly_on(watched.world.observe(), WorldConfig().feasibility.table):
+            return
+
+
 @dataclass
 class Work:
     """The work of one laboratory, and what was measured of it."""
@@ -159,16 +185,20 @@ class Work:
         while len(self.rows) < pushes:
             case = self.case(seed)
             parameters = case.parameters()
-            if self.name == OTHERS:
+            if case.truth == STRANGE:
                 parameters = of_others(parameters, seed)
             with open_world(parameters, WorldConfig(), engine=case.truth.engine) as world:
                 world.reset(case.disks)
                 agent = planning_agent(InService(self.learner), planar, config)
                 goal = case.goal.within(TOLERANCE, 5 * TOLERANCE)
                 watched = Watched(world, self.learn, parameters.bodies, f"{self.name}/{case.seed}")
-                most = min(case.max_pushes, pushes - len(self.rows))
+                left = pushes - len(self.rows)
                 try:
-                    play(agent, watched, [goal], parameters.bodies, most)
+                    if self.name == DRAWN:
+                        push_anywhere(watched, parameters.bodies, seed, min(EPISODE, left))
+                    else:
+                        most = min(case.max_pushes, left)
+                        play(agent, watched, [goal], parameters.bodies, most)
                 except SainError as error:
                     print(f"{self.name} scene {seed}: {error}", flush=True)
             seed += 1
@@ -185,6 +215,7 @@ class Work:
         update, judge = self.learner.observe(result), self.learner.state.judge
         service = update.errors.get(judge.service, float("nan"))
         row = {"seed": int(result.episode.rpartition("/")[2]), "errors": dict(update.errors)}
+        row |= {"body": int(pushed_bodies(result.push))}
         row |= {SERVICE: service, "reason": update.reason, "model": judge.service}
         events = [f"{event.kind}: {event.text}" for event in update.events]
         if any(event.kind == "training" for event in update.events):
@@ -211,6 +242,9 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
     def ratio(above: np.ndarray, below: np.ndarray, some: slice) -> Interval:
         return bootstrap_ratio(above[some], below[some], generator(0, "learning"), seeds[some])
 
+    if name == DRAWN:
+        yield from of_bodies(rows)
+        return
     for count, targets in TARGETS.items():
         some = slice(count, count + NEXT)
         if len(rows) < count + NEXT // 3:
@@ -229,6 +263,24 @@ def figures_of(name: str, rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, 
         yield Figure(f"{name}: worst {NEXT} pushes, over planar", worst[0], "", WORST), worst
 
 
+def of_bodies(rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, Interval]]:
+    """Yield errors of the k-th push of each body, over those of its first."""
+    bodies: dict[tuple[int, int], list[dict[str, Any]]] = {}
+    for row in rows:
+        bodies.setdefault((row["seed"], row["body"]), []).append(row)
+    long = {key: some for key, some in bodies.items() if len(some) >= max(OF_BODY)}
+    seeds = np.array([seed for seed, _ in long])
+    for model in (SERVICE, SHIPPED, PLANAR):
+        errors = np.array([[{**row, **row["errors"]}[model] for row in r] for r in long.values()])
+        for count, most in OF_BODY.items():
+            found = bootstrap_ratio(
+                errors[:, count - 1], errors[:, 0], generator(0, "learning"), seeds
+            )
+            wanted = most if model == SERVICE else None
+            name = f"{DRAWN}: {model}, push {count} of a body over its first"
+            yield Figure(name, found[0], "", wanted), found
+
+
 def main() -> None:
     """Work in one laboratory, or report of all."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -237,10 +289,10 @@ def main() -> None:
     parser.add_argument("--pushes", type=int, default=PUSHES)
     parser.add_argument("--replay", type=Path, help="earlier --out, whose pushes are learned from")
     options = parser.parse_args()
-    claim_folder(options.out, ("intervals.json",))
+    make_folder(claim_folder(options.out, ("intervals.json",)))
     if options.lab:
         compile_kernels()
-        if options.lab == OTHERS:
+        if LABS[options.lab] == STRANGE:
             vars(mujoco_cell)["MujocoCell"] = GrainedCell
         with Learner.named(str((options.out / options.lab).absolute())) as learner:
             work = Work(options.lab, options.out, learner)

@@ -111,7 +111,7 @@ class Believer:
 
     def _of_now(self, found: Episodes) -> Episodes:
         """Return episodes whose mean is as it is since a parameter has jumped."""
-        mean, places, self.jumped = found.mean.copy(), found.places, {}
+        mean, places, self.jumped = found.mean.copy(), found.means, {}
         for column, name in enumerate(found.kind.names):
             if first := latest_run(places[:, column]):
                 before = found.kind.values(places[:first].mean(axis=0, keepdims=True))

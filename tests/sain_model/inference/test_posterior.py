@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import torch
 
-from sain_core.scene import MASS, POSITION
+from sain_core.push import make_push
+from sain_core.scene import MASS, POSITION, THETA, make_scene
 from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import residual_model
@@ -204,3 +205,50 @@ def test_values_that_are_given_are_told_apart_by_their_names(belief, random_push
         known = replace(history, given={name: np.full(3, 0.2)})
         places.append(traces(kind, known, Known.first(3, [3]))[0].place)
     assert not np.array_equal(*places)
+
+
+CENTRES = np.array([(0.15, -0.05), (-0.1, 0.12)])  # of mass, of two disks
+
+
+def pushed_disks(count: int, seed: int = 8) -> PushHistory:
+    """Return pushes of one disk and the other in turn, neither of which hits the other."""
+    random = np.random.default_rng(seed)
+    places = np.array([(0.4, -0.2), (0.6, 0.2)])
+    scenes = np.repeat(make_scene(places, np.full(2, 8.0), np.full(2, 0.07))[None], count, axis=0)
+    scenes[..., THETA] = random.uniform(-np.pi, np.pi, (count, 2))
+    pushes = np.stack(
+        [
+            make_push(random.uniform(-np.pi, np.pi), random.uniform(-0.5, 0.5), 0.08, body=push % 2)
+            for push in range(count)
+        ]
+    )
+    each = tuple(replace(TEXTBOOK, centre_x=x, centre_y=y) for x, y in CENTRES)
+    after = PlanarPrior(TEXTBOOK, each=each).step(scenes, pushes)
+    after[..., POSITION] += random.normal(0, 1e-4, after[..., POSITION].shape)
+    return PushHistory(scenes, pushes, after)
+
+
+def test_each_disk_of_a_scene_has_its_own_centre_of_mass(sain):
+    history, errors = pushed_disks(14), list[float]()
+    for push in (0, 4, 8, 12):
+        informed = sain.condition(history.select(slice(push)))
+        rows = slice(push, push + 2)  # one of each disk
+        off = informed.step(history.state[rows], history.action[rows]) - history.next_state[rows]
+        errors.append(float(np.linalg.norm(off[..., POSITION], axis=-1).max()))
+    first, *_, last = errors
+    assert last < 0.25 * first
+    found = np.column_stack([informed.now.values(name)[0] for name in ("centre_x", "centre_y")])
+    np.testing.assert_allclose(found, CENTRES, atol=0.04)
+
+
+def test_a_disk_that_no_push_moves_is_believed_to_be_as_before(belief):
+    history = pushed_disks(12).select(np.arange(0, 12, 2))  # of body 0
+    kind = belief.kinds[TEXTBOOK_SECOND].of_scene(2)
+    pushes, rows = observed(history), Known.first(6, [6])
+    (found,) = traces(kind, pushes, rows)
+    assert not found.slopes[:, 1].any()
+    columns = np.flatnonzero(np.equal(kind.body, 1))
+    same = [kind.names.index(kind.names[column]) for column in columns]
+    shared = kind.covariance[columns, same]
+    assert (found.covariance[columns, columns] > kind.covariance[columns, columns] - shared).all()
+    np.testing.assert_allclose(found.place[columns], shared * found.place[same], atol=0.2)

@@ -449,8 +449,9 @@ def _network_odds(model: SainDynamics, found: Episodes, parts: Parts) -> float:
     """Return by how much the network explains the pushes better than the physics alone."""
     odds = KEEP
     for part in parts:
-        places, everywhere = found.places[part.episode], np.ones(len(part), dtype=bool)
-        rows = Posterior.at(Belief((found.kind,)), 0, places, everywhere)
+        kind, everywhere = found.kind.of_scene(part.disks), np.ones(len(part), dtype=bool)
+        places = found.places[part.episode, : len(kind.names)]
+        rows = Posterior.at(Belief((kind,)), 0, places, everywhere)
         both = model.with_bodies(part.bodies).step_rows(part.state, part.action, rows)
         plain, corrected = (
             log_density(errors_of(after, part.next_state), part.scales(FACTORS)).sum(axis=0).max()

@@ -1,9 +1,9 @@
 """What the episodes of a laboratory show of the next one: a Gaussian model of their parameters.
 
-A parameter of an episode is the sum of two parts: one of the laboratory, and one of the episode, of
-its bodies and of where they are. Each episode is fitted by itself, and begins with what all others
-show. How large the parts of episodes are is learned by the evidence (MacKay 1992). So the pushes of
-an episode show anew what differs between episodes, and no more than that.
+A parameter of an episode is the sum of two parts: one of the laboratory, and one of the episode, or
+of each of its bodies, if it is a parameter of bodies. Each episode is fitted by itself, and begins
+with what all others show. How large the parts of episodes are is learned by the evidence (MacKay
+1992). So the pushes of an episode show anew what differs between episodes, and no more than that.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,12 +14,10 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_model.inference.kinds import Kind
+from sain_model.inference.kinds import Kind, own_share
 from sain_model.inference.population import likelihoods
 from sain_model.inference.posterior import Fit, Parts, fit
 
-# Share of a parameter's variance that is of the episode, beforehand, by its scope.
-OWN: Final = {"body": 0.5, "episode": 0.5, "table": 0.1, "tool": 0.1}
 WORTH: Final = 1.0  # of that share, in observed episodes
 SWEEPS: Final = 30  # of variances and means
 
@@ -31,20 +29,32 @@ class Episodes:
     kind: Kind  # of physics, and what is believed before any push
     mean: Float[ndarray, "D"]  # vector z of the laboratory
     covariance: Float[ndarray, "D D"]  # of it
-    own: Float[ndarray, "D"]  # variances of what episodes have of their own
+    own: Float[ndarray, "D"]  # variances of what episodes, or bodies, have of their own
     fit: Fit | None = None  # the latest one, relative to the mean before it
-    at: Mapping[str, Float[ndarray, "D"]] = field(default_factory=dict)  # vectors z by episode
+    # vectors z of scenes by episode (`Kind.of_scene`), each perhaps of fewer bodies than the latest
+    at: Mapping[str, ndarray] = field(default_factory=dict)
 
     @classmethod
     def before(cls, kind: Kind) -> Self:
         """Return what is believed before any push."""
-        own = np.array([OWN[one.scope] for one in kind.parameters]) * kind.deviations**2
+        own = np.array(list(map(own_share, kind.parameters))) * kind.deviations**2
         return cls(kind, np.zeros(len(own)), kind.covariance - np.diag(own), own)
 
     @property
-    def places(self) -> Float[ndarray, "C D"]:
-        """The vectors z of all episodes, in order."""
+    def bodies(self) -> int:
+        """The most bodies of a scene that was fitted."""
+        return 1 if self.fit is None else self.fit.kind.bodies
+
+    @property
+    def places(self) -> ndarray:
+        """The vectors z of all episodes, in order, of scenes of so many bodies."""
         return np.stack(list(self.at.values()))
+
+    @property
+    def means(self) -> Float[ndarray, "C D"]:
+        """Vectors z of all episodes with the means over their bodies."""
+        design = self.kind.of_scene(self.bodies).design
+        return np.asarray(self.places @ (design / design.sum(axis=0)))
 
     @property
     def evidence(self) -> float:
@@ -62,32 +72,45 @@ class Episodes:
     @property
     def next(self) -> Kind:
         """What is believed of the next episode."""
-        return self.kind.believing(self.mean, self.covariance + np.diag(self.own))
+        own = self.own * np.array([one.scope == "body" for one in self.kind.parameters])
+        covariance = self.covariance + np.diag(self.own)
+        return self.kind.believing(self.mean, covariance, np.diag(own))
 
     def learn(self, parts: Parts, names: Sequence[str], steps: int) -> Self:
         """Return what all these episodes show, by the names that `parts` count them by.
 
         Each is fitted from where it was, or from the mean, by so many steps at most.
         """
-        start = np.stack([self.at.get(name, self.mean) for name in names]) - self.mean
-        found = fit(self.next, parts, start, steps)
-        at = dict(zip(names, self.mean + found.places, strict=True))
-        return replace(self, fit=found, at=at)._learned(*likelihoods(found, self.mean))
+        kind = self.next.of_scene(max(part.disks for part in parts))
+        mean = kind.design @ self.mean
+        start = np.zeros((len(names), len(mean)))
+        for row, name in enumerate(names):
+            before = self.at.get(name, mean[:0])
+            start[row, : len(before)] = before - mean[: len(before)]
+        found = fit(kind, parts, start, steps)
+        at = dict(zip(names, mean + found.places, strict=True))
+        return replace(self, fit=found, at=at)._learned(*likelihoods(found, mean), kind.design)
 
-    def _learned(self, information: Float[ndarray, "C D D"], pull: Float[ndarray, "C D"]) -> Self:
-        """Return mean and variances that likelihoods of episodes show."""
+    def _learned(
+        self,
+        information: Float[ndarray, "C E E"],
+        pull: Float[ndarray, "C E"],
+        design: Float[ndarray, "E D"],
+    ) -> Self:
+        """Return mean and variances that likelihoods of scenes show; see `Kind.design`."""
         first = self.before(self.kind)
         precision, own = np.linalg.inv(first.covariance), self.own
         for _ in range(SWEEPS):
-            inside = np.linalg.inv(information + np.diag(1.0 / own))
+            inside = np.linalg.inv(information + np.diag(design @ (1.0 / own)))
             tied = inside @ information
             shown = information - information @ tied  # of the mean, by each episode
-            covariance = np.linalg.inv(precision + shown.sum(axis=0))
+            covariance = np.linalg.inv(precision + design.T @ shown.sum(axis=0) @ design)
             told = pull - (information @ inside @ pull[..., None])[..., 0]
-            mean = covariance @ told.sum(axis=0)
-            apart = (inside @ (pull - information @ mean)[..., None])[..., 0]
-            spread = inside + tied @ covariance @ np.swapaxes(tied, 1, 2)
-            known = np.maximum(1.0 - np.diagonal(spread, axis1=1, axis2=2) / own, 0.0)
-            own = (apart**2).sum(axis=0) + WORTH * first.own
-            own /= known.sum(axis=0) + WORTH
+            mean = covariance @ (design.T @ told.sum(axis=0))
+            apart = (inside @ (pull - information @ (design @ mean))[..., None])[..., 0]
+            along = tied @ design
+            spread = inside + along @ covariance @ np.swapaxes(along, 1, 2)
+            known = np.maximum(1.0 - np.diagonal(spread, axis1=1, axis2=2) / (design @ own), 0.0)
+            own = design.T @ (apart**2).sum(axis=0) + WORTH * first.own
+            own /= design.T @ known.sum(axis=0) + WORTH
         return replace(self, mean=mean, covariance=covariance, own=own)

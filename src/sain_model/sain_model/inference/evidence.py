@@ -274,8 +274,8 @@ def _curves_of(kind: Kind, pushes: ObservedPushes) -> Curves:
     size, parts = max(CHUNK // count, 1), [np.empty((0, count, len(FACTORS)))]
     for first in range(0, len(pushes), size):
         part = pushes.select(slice(first, first + size))
-        rows = np.repeat(np.arange(len(part)), count)
-        values = {name: np.tile(some, len(part)) for name, some in grid.items()}
+        rows, places = np.repeat(np.arange(len(part)), count), np.tile(np.arange(count), len(part))
+        values = {name: some[places] for name, some in grid.items()}
         after = kind.step(
             pushes.bodies, part.state[rows], part.action[rows], values | part.given_at(rows)
         )

@@ -5,8 +5,9 @@ spread of the parameter away: in the logarithm or in the value, as `sain_model.p
 states it. A belief is kept as JSON.
 """
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -63,6 +64,17 @@ TEMPER: Final = 0.3  # of bodies on surfaces
 KEEP: Final = 0.5  # logarithm of the odds that a network's correction holds, beforehand
 OF_NEW: Final = -2.0  # likewise for a body that it did not learn from
 
+OWN: Final = {  # share of a parameter's variance that is of the episode, or of each of its bodies
+    "centre_x": 0.9,
+    "centre_y": 0.9,
+    "body": 0.5,  # other parameters by their scope
+    "episode": 0.5,
+    "table": 0.1,
+    "tool": 0.1,
+}
+WIDE: Final = {"centre_x": 2.0, "centre_y": 2.0}  # [spreads], deviations of z of unknown bodies
+SHARED: Final = -1  # of a parameter that all bodies share, in place of a body's number
+
 Places = Float[ndarray, "R D"]  # a vector z for each of R rows
 
 
@@ -83,6 +95,11 @@ class Kind:
     # whether episodes are those of a body on a surface each, which has a value of its own of every
     # parameter
     of_bodies: bool = False
+    # of the vector z, (D, D): what each body of a scene has of its own; None: a half of what is
+    # believed of parameters of bodies
+    own: Float[ndarray, "D D"] | None = None
+    # of a scene: the body of each parameter, or `SHARED`; empty: all bodies have the same values
+    body: tuple[int, ...] = ()
 
     def log_odds_of(self, bodies: Bodies) -> float:
         """Return the logarithm of how likely this kind is for bodies, up to a constant."""
@@ -160,46 +177,89 @@ class Kind:
         log_prior = -0.5 * ((self.grid / self.deviations) ** 2).sum(axis=1)
         return np.asarray(log_prior - np.log(np.exp(log_prior).sum()))
 
-    def values(self, places: Places) -> dict[str, Scalars]:
-        """Return the values of all parameters at vectors z (R, D), (R,) by name.
+    def values(self, places: Places) -> dict[str, ndarray]:
+        """Return the values of all parameters at vectors z (R, D), by name.
 
-        Vectors of several kinds are as long as the longest.
+        They are (R,), and (R, N) of parameters of each of N bodies. Vectors of several kinds are as
+        long as the longest.
         """
+        found: dict[str, list[Scalars]] = {}
+        for name, value in zip(self.names, self._each(places), strict=True):
+            found.setdefault(name, []).append(value)
         return {
-            parameter.name: _value(parameter, getattr(self.config, parameter.name), z)
-            for parameter, z in zip(self.parameters, places.T[: len(self.names)], strict=True)
+            name: values[0] if len(values) == 1 else np.stack(values, axis=1)
+            for name, values in found.items()
         }
+
+    def _each(self, places: Places) -> list[Scalars]:
+        """Return the value (R,) of each element of vectors z (R, D)."""
+        return [
+            _value(parameter, getattr(self.config, parameter.name), z)
+            for parameter, z in zip(self.parameters, places.T[: len(self.names)], strict=True)
+        ]
 
     def at_most(self, places: Places) -> Bool[ndarray, "R D"]:
         """Return which parameters have their largest value at vectors z (R, D)."""
-        values = self.values(places)
-        full = [values[one.name] >= one.most for one in self.parameters]
+        each = zip(self.parameters, self._each(places), strict=True)
+        full = [value >= one.most for one, value in each]
         return np.stack(full, axis=1) if full else np.zeros(places.shape, bool)
 
-    def value(self, name: str, places: Places) -> Scalars | float:
+    def value(self, name: str, places: Places) -> ndarray | float:
         """Return one value at vectors z; the default of a parameter that the prior has not."""
+        if name in self.names:
+            return self.values(places)[name]
         config = self.prior.config if isinstance(self.prior, PlanarPrior) else PlanarConfig()
-        base = float(getattr(config, name))
-        if name not in self.names:
-            return base
-        return _value(BY_NAME[name], base, places[:, self.names.index(name)])
+        return float(getattr(config, name))
 
     def at(self, place: Float[ndarray, "D"]) -> Model:
         """Return the prior at one vector z."""
         if not self.names:
             return self.prior
         assert isinstance(self.prior, PlanarPrior)
-        values: dict[str, Any] = {
-            name: float(value[0]) for name, value in self.values(place[None]).items()
-        }
-        return replace(self.prior, config=replace(self.config, **values))
+        values = {name: value[0] for name, value in self.values(place[None]).items()}
+        shared: dict[str, Any] = {n: float(value) for n, value in values.items() if not value.ndim}
+        config = replace(self.config, **shared)
+        if not self.body:
+            return replace(self.prior, config=config)
+        own = {name: value for name, value in values.items() if value.ndim}
+        each: list[dict[str, Any]] = [
+            {name: float(value[body]) for name, value in own.items()} for body in range(self.bodies)
+        ]
+        return replace(self.prior, config=config, each=tuple(replace(config, **e) for e in each))
 
-    def believing(self, place: Float[ndarray, "D"], covariance: Float[ndarray, "D D"]) -> Self:
+    def believing(
+        self,
+        place: Float[ndarray, "D"],
+        covariance: Float[ndarray, "D D"],
+        own: Float[ndarray, "D D"] | None = None,
+    ) -> Self:
         """Return this kind with another vector z as the most likely one."""
-        return replace(self, prior=self.at(place), covariance=covariance)
+        return replace(self, prior=self.at(place), covariance=covariance, own=own)
+
+    @property
+    def bodies(self) -> int:
+        """The number of bodies with values of their own; 1: all have the same."""
+        return 1 + max(self.body, default=0)
+
+    def of_scene(self, bodies: int) -> "Kind":
+        """Return this kind where each of so many bodies has values of its own.
+
+        Its vectors z begin with the parameters of this kind, with the values of body 0. Those of
+        bodies 1 and on follow.
+        """
+        several = bodies > 1 and any(one.scope == "body" for one in self.parameters)
+        return _of_scene(self, bodies) if several else self
+
+    @cached_property
+    def design(self) -> Float[ndarray, "E D"]:
+        """The matrix of zeros and ones that makes vectors z of a scene from those of the kind."""
+        names = self.names[: sum(body <= 0 for body in self.body)] if self.body else self.names
+        return np.array([[float(one == name) for name in names] for one in self.names])
 
     def step(self, bodies: Bodies, scenes: Scenes, pushes: Pushes, values: Values | None) -> Scenes:
         """Predict pushes, each with values of its own of some parameters."""
+        if self.body and values:  # a scene may have fewer bodies
+            values = {n: v[:, : scenes.shape[1]] if v.ndim == 2 else v for n, v in values.items()}
         return step_knowing(self.prior.with_bodies(bodies), scenes, pushes, values)
 
     def inferring(self, *names: str) -> Self:
@@ -210,7 +270,10 @@ class Kind:
         count = len(self.names)
         covariance = np.eye(count + len(new))
         covariance[:count, :count] = self.covariance
-        return replace(self, names=(*self.names, *new), covariance=covariance)
+        own = self.own
+        if own is not None:
+            own = np.pad(own, (0, len(new))) + np.diag([*np.zeros(count), *np.diag(_own(new))])
+        return replace(self, names=(*self.names, *new), covariance=covariance, own=own)
 
     def settled(self) -> Self:
         """Return this kind where an episode's pushes show what has a grid alone.
@@ -219,7 +282,26 @@ class Kind:
         """
         columns = [self.names.index(name) for name in self.on_grid]
         covariance = self.covariance[np.ix_(columns, columns)]
-        return replace(self, names=tuple(self.on_grid), covariance=covariance)
+        return replace(self, names=tuple(self.on_grid), covariance=covariance, own=None)
+
+
+@lru_cache(256)
+def _of_scene(kind: Kind, bodies: int) -> Kind:
+    """Return a kind of a scene; kept, since what pushes show is kept with it."""
+    scopes = [one.scope for one in kind.parameters]
+    of_body = [column for column, scope in enumerate(scopes) if scope == "body"]
+    columns = [*range(len(scopes)), *of_body * (bodies - 1)]
+    first = [0 if scope == "body" else SHARED for scope in scopes]
+    body = (*first, *np.repeat(range(1, bodies), len(of_body)).tolist())
+    own = kind.own
+    if own is None:
+        own = np.zeros_like(kind.covariance)
+        block = np.ix_(of_body, of_body)
+        own[block] = OWN["body"] * np.linalg.inv(kind.precision[block])
+    wide, same = np.ix_(columns, columns), np.equal.outer(body, body)
+    covariance = (kind.covariance - own)[wide] + same * own[wide]
+    names = tuple(kind.names[column] for column in columns)
+    return replace(kind, names=names, covariance=covariance, own=None, body=body)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,6 +365,11 @@ class Belief:
             return self
         return replace(self, kinds=(known[0].kind, *self.kinds))
 
+    def of_scene(self, bodies: int) -> Self:
+        """Return this belief where each of so many bodies has values of its own."""
+        kinds = tuple(kind.of_scene(bodies) for kind in self.kinds)
+        return self if kinds == self.kinds else replace(self, kinds=kinds)
+
     @property
     def likeliest(self) -> Kind:
         """The most likely kind, the first of equals."""
@@ -336,21 +423,38 @@ def default_belief(prior: PlanarPrior) -> Belief:
     """
     axes = prior.config.has_axes
     names = (*LABORATORY, ALONG_AXES if axes else ACROSS)
-    wide, textbook = np.eye(len(names)), replace(TEXTBOOK, friction=prior.config.friction)
-    first = Kind(SOLVER_AXES, prior, names, wide, TRAINED, -2.0 * TRAINED, corrected=True)
+    textbook = replace(TEXTBOOK, friction=prior.config.friction)
+    first = unknown(SOLVER_AXES, prior, names)
+    first = replace(first, log_odds=TRAINED, flat_log_odds=-2.0 * TRAINED, corrected=True)
     if not axes:
         first = replace(first, name=FITTED, flat_log_odds=0.0)
     other = PlanarPrior(textbook, prior.bodies)
     surface = surface_kind()
+    lying = PlanarPrior(replace(surface.config, friction=prior.config.friction), prior.bodies)
     flat = replace(
-        surface,
-        prior=PlanarPrior(replace(surface.config, friction=prior.config.friction), prior.bodies),
-        names=(FRICTION, *surface.names),  # friction counts where a push is fast
-        covariance=np.eye(1 + len(surface.names)),
+        unknown(surface.name, lying, (FRICTION, *surface.names)),  # friction: of fast pushes
         log_odds=TRAINED,
         only_flat=True,
+        of_bodies=True,
     )
-    return Belief((first, Kind(NO_AXES, other, (*LABORATORY, ACROSS), wide), flat))
+    return Belief((first, unknown(NO_AXES, other, (*LABORATORY, ACROSS)), flat))
+
+
+def unknown(name: str, prior: Model, names: tuple[str, ...]) -> Kind:
+    """Return a kind of physics of bodies of which nothing was measured."""
+    wide = np.diag([WIDE.get(name, 1.0) ** 2 for name in names])
+    return Kind(name, prior, names, wide, own=_own(names) * wide)
+
+
+def _own(names: Sequence[str]) -> Float[ndarray, "D D"]:
+    """Return what is of each body of parameters whose variance is 1."""
+    parameters = [BY_NAME[name] for name in names]
+    return np.diag([one.scope == "body" and own_share(one) for one in parameters]).astype(float)
+
+
+def own_share(parameter: Parameter) -> float:
+    """Return the share of a parameter's variance that is of the episode, or of each body."""
+    return OWN.get(parameter.name, OWN[parameter.scope])
 
 
 def corrected_belief(prior: PlanarPrior) -> Belief:
@@ -440,6 +544,7 @@ def written_kind(kind: Kind) -> dict[str, Any]:
         "parameters": parameters,
         "config": asdict(kind.config),
         "covariance": kind.covariance.tolist(),
+        "own": None if kind.own is None else kind.own.tolist(),
     }
 
 
@@ -460,8 +565,11 @@ def read_kind(part: dict[str, Any]) -> Kind:
         raise ValueError(f"log_odds of a kind of physics is {odds}; it must be finite")
     of_bodies = bool(part.get("of_bodies", False))
     prior = PlanarPrior(config)
+    own = None if part["own"] is None else np.array(part["own"], dtype=np.float64)
+    if own is not None and (own.shape != right or np.linalg.eigvalsh(covariance - own)[0] < -1e-9):
+        raise ValueError("what bodies have of their own is no part of a covariance")
     kind = Kind(str(part["name"]), prior, names, covariance, odds, corrected=corrected)
-    return replace(kind, of_bodies=of_bodies)
+    return replace(kind, of_bodies=of_bodies, own=own)
 
 
 ROWS: Final = ("state", "action", "next_state", "surface", "log_odds")  # arrays of a `KnownBody`

@@ -18,6 +18,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from numpy import ndarray
 
+from sain_core.push import pushed_bodies
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Indices, Mask, Pushes, Scalars, Scenes
 from sain_model.inference.evidence import (
@@ -31,7 +32,7 @@ from sain_model.inference.evidence import (
     over_factors,
     weights_of,
 )
-from sain_model.inference.kinds import Belief, Kind, Places
+from sain_model.inference.kinds import SHARED, Belief, Kind, Places
 
 DIFFERENCE: Final = 0.2  # [spreads], of a finite difference
 LONGEST: Final = 1.5  # [spreads], of a step
@@ -142,28 +143,43 @@ def normal_equations(
 def slopes_of(
     kind: Kind, pushes: ObservedPushes, places: Places
 ) -> tuple[Float[ndarray, "P N 3"], Float[ndarray, "P N 3 D"]]:
-    """Return errors, and how they change with each parameter, from one batch of predictions.
+    """Return errors, and how they change with each parameter.
 
-    Where a parameter is at its largest value, the difference is to a smaller one.
+    Where a parameter is at its largest value, the difference is to a smaller one. Those of a body
+    that a push does not move change nothing.
     """
-    count = places.shape[1]
+    after = after_at(kind, pushes, places)
+    errors = errors_of(after, pushes.next_state)
     step = np.where(kind.at_most(places + DIFFERENCE), -DIFFERENCE, DIFFERENCE)  # (P, D)
-    many = np.repeat(places[:, None], count + 1, axis=1)
-    many[:, 1:] += step[:, None] * np.eye(count)
-    rows = np.repeat(np.arange(len(places)), count + 1)
-    errors = errors_at(kind, pushes, many.reshape(-1, count), rows)
-    errors = errors.reshape(len(places), count + 1, *errors.shape[1:])
-    slopes = (errors[:, 1:] - errors[:, :1]) / step[..., None, None]
-    return errors[:, 0], np.moveaxis(slopes, 1, -1)
+    counts = np.ones(step.shape, dtype=bool)
+    if kind.body:
+        moves = (after != pushes.state).any(axis=-1)
+        moves[np.arange(len(moves)), pushed_bodies(pushes.action)] = True
+        moves[:, list(pushes.bodies.fitted(pushes.disks).fixed)] = True
+        there = np.pad(moves, ((0, 0), (0, kind.bodies - moves.shape[1])))
+        counts = np.where(np.equal(kind.body, SHARED), True, there[:, kind.body])
+    rows, columns = np.nonzero(counts)
+    many = places[rows]
+    many[np.arange(len(rows)), columns] += step[rows, columns]
+    apart = errors_at(kind, pushes, many, rows) - errors[rows]
+    slopes = np.zeros((*step.shape, *errors.shape[1:]))
+    slopes[rows, columns] = apart / step[rows, columns, None, None]
+    return errors, np.moveaxis(slopes, 1, -1)
 
 
 def errors_at(
     kind: Kind, pushes: ObservedPushes, places: Places, rows: Indices | slice = slice(None)
 ) -> Float[ndarray, "P N 3"]:
     """Return errors [m] of predictions of these rows, each with parameters z of its own (P, D)."""
+    return errors_of(after_at(kind, pushes, places, rows), pushes.next_state[rows])
+
+
+def after_at(
+    kind: Kind, pushes: ObservedPushes, places: Places, rows: Indices | slice = slice(None)
+) -> Scenes:
+    """Return predictions of these rows, each with parameters z of its own (P, D)."""
     values = kind.values(places) | pushes.given_at(rows)
-    after = kind.step(pushes.bodies, pushes.state[rows], pushes.action[rows], values)
-    return errors_of(after, pushes.next_state[rows])
+    return kind.step(pushes.bodies, pushes.state[rows], pushes.action[rows], values)
 
 
 def _totals(kind: Kind, parts: Parts, places: Float[ndarray, "C D"]) -> Float[ndarray, "C K"]:
@@ -405,12 +421,14 @@ class Posterior:
                 places[rows, column] += deviations * self.spreads[rows, column]
         return replace(self, places=places)
 
-    def values(self, name: str) -> Scalars:
-        """Return the value of a parameter (R,)."""
-        found = np.empty(len(self.kind))
+    def values(self, name: str) -> ndarray:
+        """Return the value of a parameter (R,), or (R, N) of each body."""
+        bodies = max(kind.names.count(name) for kind in self.belief.kinds)
+        found = np.empty((len(self.kind), max(bodies, 1)))
         for rows, kind in self.by_kind:
-            found[rows] = kind.value(name, self.places[rows])
-        return found
+            value = np.asarray(kind.value(name, self.places[rows]))
+            found[rows] = value[:, None] if value.ndim == 1 else value
+        return found if bodies > 1 else found[:, 0]
 
     def log_spread(self, name: str) -> Scalars:
         """Return the spread (R,) of a parameter: of its logarithm, if it is a factor."""
@@ -421,8 +439,8 @@ class Posterior:
                 found[rows] = kind.parameters[column].spread * self.spreads[rows, column]
         return found
 
-    def believed(self) -> dict[str, Scalars]:
-        """Return the values (R,) of all parameters that pushes show, by name.
+    def believed(self) -> dict[str, ndarray]:
+        """Return the values (R,), or (R, N), of all parameters that pushes show, by name.
 
         Where a parameter is none of a row's kind, it has the value of that kind's prior.
         """
@@ -440,6 +458,7 @@ class Posterior:
 
 def infer(belief: Belief, pushes: ObservedPushes, known: Known) -> Posterior:
     """Return what each row of known pushes says of the physics, with the belief before them."""
+    belief = belief.of_scene(pushes.disks if len(pushes) else 1)
     width, rows = max(len(kind.names) for kind in belief.kinds), np.arange(known.rows)
     alone = [marginals(kind, known.total(_curves(kind, pushes))) for kind in belief.kinds]
     odds = np.array([kind.log_odds_of(pushes.bodies) for kind in belief.kinds])

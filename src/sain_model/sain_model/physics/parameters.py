@@ -4,7 +4,7 @@ To add one, declare it in `PlanarConfig`, and use it in the solver, where it has
 prior is given is checked here, once.
 """
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache, partial
 from typing import Any, Final, Literal, NamedTuple
@@ -273,13 +273,18 @@ PUSH_ROW: Final = np.dtype([(name, np.float64) for name in OF_PUSHES])
 BODY_ROW: Final = np.dtype([(name, np.float64) for name in OF_BODIES])
 
 
-def rows_of(config: Hashable, values: Values, batch: int, bodies: int) -> tuple[ndarray, ndarray]:
+def rows_of(
+    config: Hashable, each: Sequence[Hashable], values: Values, batch: int, bodies: int
+) -> tuple[ndarray, ndarray]:
     """Return what the solver reads for each push: `PUSH_ROW` (B,), and `BODY_ROW` (B, N).
 
-    `config` has what the checked `values` have not; see `check_values`.
+    `config`, and `each` of the first bodies, have what the checked `values` have not; see
+    `check_values`.
     """
     row_of_push, row_of_body = _settings(config)
     pushes, own = np.full(batch, row_of_push), np.full((batch, bodies), row_of_body)
+    for body, its in enumerate(each[:bodies]):
+        own[:, body] = _settings(its)[1]
     for name, value in values.items():
         if name in OF_PUSHES:
             pushes[name] = value

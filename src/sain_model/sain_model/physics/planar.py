@@ -225,6 +225,7 @@ class PlanarPrior(Model):
 
     config: PlanarConfig = PlanarConfig()
     bodies: Bodies = PAPER_DISKS  # that are pushed
+    each: tuple[PlanarConfig, ...] = ()  # physics of the first bodies, where they differ
 
     def __post_init__(self) -> None:
         """See that the kernels are compiled: no plan is to wait for them."""
@@ -258,8 +259,8 @@ class PlanarPrior(Model):
         batch, count, _ = scenes.shape
         check_values(values, batch, count)
         config, bodies = self.config, self.bodies.fitted(count)
-        each = bool(values) or is_stroke(pushes)  # has numbers of its own; else one row is for all
-        physics, own = rows_of(config, values, batch if each else 1, count)
+        rows = batch if values or is_stroke(pushes) else 1  # one row is for all
+        physics, own = rows_of(config, self.each, values, rows, count)
         limits = _limits(config.tool_radius, config.clearance)
         if is_stroke(pushes):
             check_starts(scenes, pushes, bodies)
