@@ -13,6 +13,7 @@ from sain_core.transitions import PushHistory
 from sain_core.types import Pushes, Scenes
 from sain_model.dynamics.sain import residual_model
 from sain_model.inference import posterior as inference
+from sain_model.inference.episodes import Episodes
 from sain_model.inference.evidence import Known, ObservedPushes
 from sain_model.inference.kinds import (
     FRICTION,
@@ -210,7 +211,7 @@ def test_values_that_are_given_are_told_apart_by_their_names(belief, random_push
 CENTRES = np.array([(0.15, -0.05), (-0.1, 0.12)])  # of mass, of two disks
 
 
-def pushed_disks(count: int, seed: int = 8) -> PushHistory:
+def pushed_disks(count: int, seed: int = 8, centres: np.ndarray = CENTRES) -> PushHistory:
     """Return pushes of one disk and the other in turn, neither of which hits the other."""
     random = np.random.default_rng(seed)
     places = np.array([(0.4, -0.2), (0.6, 0.2)])
@@ -222,7 +223,7 @@ def pushed_disks(count: int, seed: int = 8) -> PushHistory:
             for push in range(count)
         ]
     )
-    each = tuple(replace(TEXTBOOK, centre_x=x, centre_y=y) for x, y in CENTRES)
+    each = tuple(replace(TEXTBOOK, centre_x=x, centre_y=y) for x, y in centres)
     after = PlanarPrior(TEXTBOOK, each=each).step(scenes, pushes)
     after[..., POSITION] += random.normal(0, 1e-4, after[..., POSITION].shape)
     return PushHistory(scenes, pushes, after)
@@ -241,14 +242,33 @@ def test_each_disk_of_a_scene_has_its_own_centre_of_mass(sain):
     np.testing.assert_allclose(found, CENTRES, atol=0.04)
 
 
-def test_a_disk_that_no_push_moves_is_believed_to_be_as_before(belief):
+def test_a_disk_that_no_push_moves_is_like_the_other_as_far_as_bodies_are_alike(belief):
     history = pushed_disks(12).select(np.arange(0, 12, 2))  # of body 0
     kind = belief.kinds[TEXTBOOK_SECOND].of_scene(2)
-    pushes, rows = observed(history), Known.first(6, [6])
-    (found,) = traces(kind, pushes, rows)
-    assert not found.slopes[:, 1].any()
+    (found,) = traces(kind, observed(history), Known.first(6, [6]))
     columns = np.flatnonzero(np.equal(kind.body, 1))
     same = [kind.names.index(kind.names[column]) for column in columns]
-    shared = kind.covariance[columns, same]
-    assert (found.covariance[columns, columns] > kind.covariance[columns, columns] - shared).all()
-    np.testing.assert_allclose(found.place[columns], shared * found.place[same], atol=0.2)
+    assert not found.slopes[..., columns].any()
+    before, shared = kind.covariance[columns, columns], kind.covariance[columns, same]
+    place = shared / before * found.place[same]
+    np.testing.assert_allclose(found.place[columns], place, atol=1e-3)
+    assert (found.covariance[columns, columns] > before - shared).all()
+
+
+def test_episodes_show_how_far_the_bodies_of_a_laboratory_differ(belief):
+    kind, random = belief.kinds[TEXTBOOK_SECOND], np.random.default_rng(2)
+    centres = random.uniform(-0.2, 0.2, (5, 2, 2))
+    some = [pushed_disks(8, seed, each) for seed, each in enumerate(centres)]
+    pushes = replace(observed(joined(*some)), episode=np.repeat(np.arange(5), 8))
+    found = Episodes.before(kind)
+    for _ in range(4):
+        found = found.learn([pushes], list("abcde"), 10)
+    columns = [kind.names.index("centre_x"), kind.names.index("centre_y")]
+    z = found.places.reshape(5, -1)
+    names = found.next.of_scene(2).names
+    seen = [np.flatnonzero(np.equal(names, name)) for name in ("centre_x", "centre_y")]
+    values = 0.05 * np.stack([z[:, some] for some in seen], axis=-1)  # (5, 2, 2)
+    np.testing.assert_allclose(values, centres, atol=0.04)
+    spread = 0.05 * np.sqrt(found.own[columns])
+    assert (spread > 0.5 * centres.std(axis=(0, 1))).all()
+    np.testing.assert_allclose(0.05 * found.mean[columns], 0.0, atol=0.1)

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy import ndarray
 
-from sain_model.inference.kinds import Kind, own_share
+from sain_model.inference.kinds import WIDE, Kind, own_share
 from sain_model.inference.population import likelihoods
 from sain_model.inference.posterior import Fit, Parts, fit
 
@@ -36,9 +36,14 @@ class Episodes:
 
     @classmethod
     def before(cls, kind: Kind) -> Self:
-        """Return what is believed before any push."""
-        own = np.array(list(map(own_share, kind.parameters))) * kind.deviations**2
-        return cls(kind, np.zeros(len(own)), kind.covariance - np.diag(own), own)
+        """Return what is believed before any push.
+
+        What is wide for a lone episode is not: many episodes show how wide it is.
+        """
+        usual = np.array([1.0 / WIDE.get(name, 1.0) for name in kind.names])
+        own = np.array(list(map(own_share, kind.parameters))) * (usual * kind.deviations) ** 2
+        covariance = np.outer(usual, usual) * kind.covariance
+        return cls(kind, np.zeros(len(own)), covariance - np.diag(own), own)
 
     @property
     def bodies(self) -> int:
