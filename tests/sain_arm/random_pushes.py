@@ -54,7 +54,7 @@ def way(start: np.ndarray, end: np.ndarray) -> Trajectory:
     return Trajectory(np.array([0.0, 1.0]), np.stack([start, end]), np.zeros((2, 6)))
 
 
-PLAN = PushPlan(way(HOME, BESIDE), way(BESIDE, END), (0.0, 1.0), 1.1)
+PLAN = PushPlan(way(HOME, BESIDE), way(BESIDE, END), (0.0, 1.0))
 
 
 def machine(dry_run: bool = False) -> PushExecution:

@@ -1,15 +1,19 @@
 """Laws of planned ways: continuous, within limits, straight; and only the tool touches."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+import shapely
+from shapely import Polygon
 
 from sain_arm.planning.push_planner import PushPlan, PushPlanner
 from sain_arm.planning.timing import Trajectory
+from sain_arm.planning.tool_ways import above, around
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Stroke
-from sain_core.scene import make_scene, unit
+from sain_core.scene import DISK_HEIGHT, make_scene, unit
 from sain_core.types import Scene
 from tests.sain_arm.conftest import Planned
 
@@ -82,6 +86,70 @@ def test_ways_of_random_pushes(planned):
             assert cruise.max() == pytest.approx(stroke.speed, rel=0.05)
         joints = plan.stroke.positions[-1]
     assert len(refused) <= 1, refused
+
+
+def after_a_stroke(planned: Planned, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Joints at both sides of the T, low: where a stroke ended, and where the next one begins."""
+    stroke, scene = random_push(planned, seed)
+    way = unit(np.asarray(stroke.heading))
+    scene[0, :2] = stroke.start + (planned.radii[0] + 0.02) * way
+    scene[1, :2] += 1.0
+    far = replace(stroke, start=scene[0, :2] + (planned.radii[0] + 0.02) * way, end=stroke.end)
+    low = planned.planner.config.tip_height
+    places = [np.array([*place, low]) for place in (stroke.start, far.start)]
+    tips = above(*places, planned.planner.config.raised, planned.robot.base, 0.01)
+    joints = planned.planner.kinematics.follow(planned.robot.home, tips)
+    planned.planner.home(scene, planned.robot.home)  # the bodies are there
+    return joints[0], joints[-1]
+
+
+def test_between_strokes_the_arm_does_not_rest_and_keeps_its_corridor(planned):
+    """Along the table or above, the tool is always fast, and nothing but its end is near a body."""
+    planner = planned.planner
+    for seed in range(4):
+        try:
+            start, end = after_a_stroke(planned, seed)
+            way = planner.travel(start, end, beside=0)
+        except SainError:
+            continue
+        joints, _ = sampled(way)
+        tips = planner.arm.tips(joints)
+        body = Polygon(planner._outlines[0])
+        gaps = shapely.distance(body, shapely.points(tips[:, :2])) - planned.robot.tool_radius
+        assert (gaps[tips[:, 2] < DISK_HEIGHT] > 0.002).all()
+        low = tips[:, 2].max() < 2 * planner.config.tip_height
+        assert np.ptp(tips[:, 2]) < 5e-4 if low else tips[:, 2].max() > DISK_HEIGHT + 0.005
+        speed = np.linalg.norm(np.diff(tips, axis=0), axis=1) / 1e-3
+        assert speed[50:-50].min() > 0.05, "a rest on the way"
+
+
+def test_a_near_place_on_the_same_side_is_reached_along_the_table(planned):
+    stroke, scene = random_push(planned, 0)
+    way = unit(np.asarray(stroke.heading))
+    plan = planned.planner.plan(stroke, scene, planned.robot.home)
+    scene[0, :2] += 0.01 * way
+    aside = stroke.start - 0.005 * way + 0.03 * np.array([-way[1], way[0]])
+    low = planned.planner.config.tip_height
+    joints = plan.stroke.positions[0]
+    end = planned.planner.kinematics.follow(joints, np.array([[*aside, low]]))[-1]
+    planned.planner.home(scene, planned.robot.home)  # the bodies are there
+    tips = planned.planner.arm.tips(planned.planner.travel(joints, end).positions)
+    assert np.ptp(tips[:, 2]) < 5e-4
+    np.testing.assert_allclose(tips[-1], [*aside, low], atol=1e-4)
+
+
+def test_a_tool_between_bodies_goes_around_them_or_not_at_all():
+    """A wall of two boxes with a slit: too narrow, around; shut in: there is no way."""
+    box = np.array([[-0.02, -0.1], [0.02, -0.1], [0.02, 0.1], [-0.02, 0.1]])
+    start, end = np.array([-0.1, 0.0]), np.array([0.1, 0.0])
+    walls = [box + side * np.array([0.0, 0.115]) for side in (-1.0, 1.0)]
+    wide, narrow = (np.array([[-0.5, 0.5], [-y, y]]) for y in (0.5, 0.2))
+    way = around(start, end, walls, 0.012, wide)
+    gaps = [Polygon(wall).distance(shapely.LineString(way)) - 0.012 for wall in walls]
+    assert min(gaps) > 0.0039 and len(way) > 3
+    assert around(start, end, walls, 0.012, narrow) is None
+    slit = around(start, end, walls, 0.010, narrow)
+    np.testing.assert_allclose(slit, [start, end])
 
 
 def test_a_body_in_the_way_of_the_lowered_tool_is_named(ur5):

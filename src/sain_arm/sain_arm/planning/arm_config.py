@@ -18,8 +18,13 @@ class MotionConfig(Config):
     clearance: float = option(
         0.02, "between the tops of bodies and the tip that travels", unit="m", minimum=0.005
     )
-    travel_speed: float = option(0.5, "out of contact", unit="m/s", minimum=0.01, maximum=2.0)
-    acceleration: float = option(4.0, "of the tool", unit="m/s^2", minimum=0.1, maximum=20.0)
+    travel_speed: float = option(1.0, "out of contact", unit="m/s", minimum=0.01, maximum=2.0)
+    travel_acceleration: float = option(
+        10.0, "likewise; the joints' limits hold, too", unit="m/s^2", minimum=0.1, maximum=50.0
+    )
+    acceleration: float = option(
+        4.0, "of the tool in a stroke", unit="m/s^2", minimum=0.1, maximum=20.0
+    )
 
     @property
     def raised(self) -> float:

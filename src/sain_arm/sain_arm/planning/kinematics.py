@@ -22,6 +22,7 @@ Tips = Float[ndarray, "T 3"]  # [m] in the world
 
 CLOSE: Final = 3e-5  # [m], error of the tip
 UPRIGHT: Final = 1e-3  # [rad], error of the tool's direction
+SMOOTH: Final = 0.1  # of both, with Newton steps: errors from point to point would bend a way
 STEPS: Final = 30  # of the solver for the next point of a way
 FIRST_STEPS: Final = 80  # and for its first point
 JUMP: Final = 0.35  # [rad], of a joint between two points of a way: more is another branch
@@ -76,12 +77,15 @@ class Kinematics:
 
     def _newton(self, joints: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector | None:
         """Return the same, or None: the way there leads to a limit, or is long."""
-        arm, robot = self.arm, self.arm.robot
+        arm, robot, close = self.arm, self.arm.robot, None
         for step in range(steps):
             place, (x, y, _) = arm.tip(joints), arm.axis()
             lean = np.array([-y, x])  # the turn [rad] that brings the tool upright, where small
-            if step and np.linalg.norm(tip - place) < CLOSE and np.linalg.norm(lean) < UPRIGHT:
-                return joints
+            off, tilt = np.linalg.norm(tip - place), np.linalg.norm(lean)
+            if step and off < CLOSE and tilt < UPRIGHT:
+                close = joints
+                if off < SMOOTH * CLOSE and tilt < SMOOTH * UPRIGHT:
+                    break
             rates = arm.jacobian()[:5]
             rates[3:] *= TILT_COST
             homewards = robot.home - joints  # as far as it moves nothing of the tool
@@ -89,8 +93,8 @@ class Kinematics:
             way = homewards + rates.T @ np.linalg.solve(rates @ rates.T + SOFT, rest)
             joints = joints + _shortened(way)
             if (joints < robot.lower).any() or (joints > robot.upper).any():
-                return None
-        return None
+                break
+        return close
 
     def _within_limits(self, start: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector:
         """Return the same, with joints that may be at their limits."""

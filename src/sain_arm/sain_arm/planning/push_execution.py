@@ -176,16 +176,15 @@ class PushExecution:
         if self._goal is None or self._arrives is not None:
             return []
         if ending.how is not Ended.REJECTED:
-            self._note_frozen(self._goal, arm)
+            self._note_frozen(self._goal, arm, arm.time - LAG)
         if ending.how is Ended.SUCCEEDED:
             self._arrives = arm.time + WAIT
             return self._try_arriving(arm)
         return self._take_ending(ending, arm)
 
-    def _note_frozen(self, goal: Trajectory, arm: ArmState) -> None:
-        """Take note of joints' states that do not follow a goal."""
-        seen = max(arm.changed - self._sent, 0.0)
-        meant = max(arm.time - self._sent - LAG, 0.0)
+    def _note_frozen(self, goal: Trajectory, arm: ArmState, until: float) -> None:
+        """Take note of joints' states that did not follow a goal until a time [s]."""
+        seen, meant = (max(time - self._sent, 0.0) for time in (arm.changed, until))
         if seen < meant:
             off = np.abs(goal.at(meant)[0] - goal.at(seen)[0]).max()
             self._froze = arm.time if off > ARRIVED else self._froze
@@ -200,6 +199,7 @@ class PushExecution:
             return self._take_ending(Ending(Ended.SUCCEEDED), arm)
         if arm.time <= self._arrives:
             return []
+        self._note_frozen(self._goal, arm, self._arrives - WAIT)  # states of then have come
         text = f"called successful, but a joint is {off:.3f} rad from its end"
         return self._take_ending(Ending(Ended.ABORTED, text), arm)
 

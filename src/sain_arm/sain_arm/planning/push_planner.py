@@ -1,9 +1,11 @@
 """Plans the whole way of the arm for a push, and checks all of it before anything moves.
 
-The way has two parts. The approach lifts the tool from where it is, travels above all bodies and
-lowers it beside the body. The stroke goes straight at a set speed, withdraws a little and lifts.
-Both stay in one branch of the inverse kinematics. Several are tried: the arm's present one, the one
-of home and some at random. The one with the largest margin to the joints' limits wins.
+The way has two parts. The approach leads the tool from where it is to beside the body: along the
+table around the bodies, or up, above them and down, whichever is faster, without a rest in between.
+The stroke goes straight at a set speed and withdraws a little; the tool stays down, and can be
+lifted from there. Both stay in one branch of the inverse kinematics. Several are tried: the arm's
+present one, the one of home and some at random. The one with the largest margin to the joints'
+limits wins.
 """
 
 from collections.abc import Iterator
@@ -17,21 +19,23 @@ from numpy import ndarray
 from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.kinematics import Kinematics, Tips
 from sain_arm.planning.timing import Trajectory, Way
+from sain_arm.planning.tool_ways import AWAY, above, around, line, rounded
 from sain_arm.robot.arm_model import ArmModel, Contact
 from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Stroke
 from sain_core.scene import unit
 from sain_core.shapes.bodies import Bodies
-from sain_core.types import Scene
+from sain_core.types import Points, Scene
 
 ASIDE: Final = (0.0, 1.2, -1.2)  # [rad], turns at home, one of which hides no body from a camera
-SPACING: Final = 0.01  # [m] between points of a way
+CORNERS: Final = (0.05, 0.015)  # [m], sizes of rounded corners, the first one that is possible
 ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
 BRANCHES: Final = 6  # drawn at random
 SAME: Final = 0.1  # [rad], within which two ways end in one posture
-LEVEL: Final = 1e-4  # [m], within which a tip is as high as one that travels
-WITHDRAWAL: Final = 0.005  # [m], backwards at the end of a stroke, before the lift
+LEVEL: Final = 1e-4  # [m], within which tips are at one place or height
+LOW: Final = 0.005  # [m] above the tip's height in a stroke, up to which it may go along the table
+WITHDRAWAL: Final = 0.005  # [m], backwards at the end of a stroke
 LEAST_SHARE: Final = 0.98  # of a stroke's speed that the joints must allow
 
 
@@ -41,15 +45,13 @@ class PushPlan:
 
     Attributes:
         approach: from where the arm is to beside the body.
-        stroke: from there through the stroke, up to above its end.
+        stroke: from there through the stroke, and a little backwards.
         pushing: from when to when [s] in `stroke` the tool pushes.
-        lifts: from when [s] it is lifted, after it has withdrawn a little.
     """
 
     approach: Trajectory
     stroke: Trajectory
     pushing: tuple[float, float]
-    lifts: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +61,6 @@ class _Branch:
     lower: Joints
     stroke: Joints
     withdraw: Joints
-    lift: Joints
     margin: float
 
 
@@ -79,6 +80,7 @@ class PushPlanner:
         self._among = bodies, radii
         self.arm = ArmModel(robot, bodies, radii)
         self.kinematics = Kinematics(self.arm)
+        self._outlines: list[Points] = []  # of the bodies that were placed last
 
     def among(self, bodies: Bodies, radii: tuple[float, ...]) -> "PushPlanner":
         """Return the same for these bodies: itself, if they are those it was made for."""
@@ -96,18 +98,18 @@ class PushPlanner:
             UnreachableError: a place, a limit of a joint, or a contact of a link in the way.
             BlockedError: a body in the way.
         """
-        self.arm.place(scene)
+        self._place(scene)
         self._check_workspace(stroke)
         return self._with_best_branch(stroke, joints)
 
-    def approach(self, plan: PushPlan, joints: Vector) -> Trajectory:
+    def approach(self, plan: PushPlan, joints: Vector, body: int) -> Trajectory:
         """Return the way from joints (J,) to where the stroke of a plan begins, for the same scene.
 
         Raises:
             UnreachableError: there is none.
             BlockedError: a body is in the way.
         """
-        return self._approach(joints, plan.approach.positions)
+        return self.travel(joints, plan.stroke.positions[0], beside=body)
 
     def retreat(self, joints: Vector) -> Trajectory:
         """Return the way straight up from where the arm has joints (J,).
@@ -115,14 +117,10 @@ class PushPlanner:
         Raises:
             UnreachableError: there is none.
         """
-        tip = self.arm.tip(joints)
-        if tip[2] >= self.config.raised - LEVEL:
-            return self._timed(np.stack([tip, tip]), np.stack([joints, joints]))
-        way = self._line(tip, np.array([*tip[:2], self.config.raised]))
-        return self._timed(way, _begun_at(joints, self.kinematics.follow(joints, way)))
+        return self._moved(self._lifted(joints))
 
     def home(self, scene: Scene, joints: Vector, turn: float = 0.0) -> Trajectory:
-        """Return the way above bodies (N, 8) from where the arm has joints (J,) to its home.
+        """Return the way from where the arm has joints (J,), among bodies (N, 8), to its home.
 
         There the first joint is turned by an angle [rad], as far as it goes.
 
@@ -130,10 +128,15 @@ class PushPlanner:
             UnreachableError: there is none.
             BlockedError: a body is in the way.
         """
+        self._place(scene)
+        return self.travel(joints, self.robot.aside(turn))
+
+    def _place(self, scene: Scene) -> None:
+        """Take the bodies to be where a scene (N, 8) has them."""
         self.arm.place(scene)
-        parts = self._lifted(joints)
-        start = parts[-1].positions[-1] if parts else joints
-        return Trajectory.joined([*parts, self.travel(start, self.robot.aside(turn))])
+        bodies = self._among[0]
+        shapes = () if bodies is None else bodies.shapes
+        self._outlines = [shape.placed(state) for shape, state in zip(shapes, scene, strict=False)]
 
     def _check_workspace(self, stroke: Stroke) -> None:
         """Check that both ends of a stroke are in the workspace box, which is convex."""
@@ -196,12 +199,13 @@ class PushPlanner:
                 (back, high),
             )
         ]
-        ways = [self._line(*ends) for ends in pairwise(points)]
-        line = np.concatenate([ways[0], *(way[1:] for way in ways[1:])])
-        joints = self.kinematics.follow(seed, line)
+        ways = [line(*ends) for ends in pairwise(points)]
+        tips = np.concatenate([ways[0], *(way[1:] for way in ways[1:])])
+        joints = self.kinematics.follow(seed, tips)
         ends = np.cumsum([0, *(len(way) - 1 for way in ways)])
         parts = [joints[first : last + 1] for first, last in pairwise(ends)]
-        share = self._way(ways[1], parts[1], stroke.speed).speed_share(self.robot)
+        pushing = self._way(ways[1], parts[1], stroke.speed, config.acceleration)
+        share = pushing.speed_share(self.robot)
         if stroke.length > 0.0 and share < LEAST_SHARE:
             raise UnreachableError(
                 f"the joints allow {share * stroke.speed:.3f} m/s in this stroke;"
@@ -213,68 +217,109 @@ class PushPlanner:
             self._check_contacts(part, pushes)
         robot = self.robot
         margin = float(np.minimum(joints - robot.lower, robot.upper - joints).min())
-        lower, push, withdraw, lift = parts
-        return _Branch(lower, push, withdraw, lift, margin)
+        lower, push, withdraw, _ = parts
+        return _Branch(lower, push, withdraw, margin)
 
     def _timed_plan(self, stroke: Stroke, branch: _Branch, joints: Vector | None) -> PushPlan:
-        lower = branch.lower
-        approach = self._moved(lower) if joints is None else self._approach(joints, lower)
-        parts = [
-            self._moved(branch.stroke, stroke.speed),
-            self._moved(branch.withdraw),
-            self._moved(branch.lift),
-        ]
-        trajectory = Trajectory.joined(parts)
-        pushed, withdrawn, _ = (part.duration for part in parts)
-        return PushPlan(approach, trajectory, (0.0, pushed), pushed + withdrawn)
+        lower, config = branch.lower, self.config
+        if joints is None:
+            approach = self._moved(lower)
+        else:
+            approach = self.travel(joints, lower[-1], stroke.body)
+        push, withdraw = (
+            self._way(self.arm.tips(part), part, speed, config.acceleration).timed(self.robot)
+            for part, speed in (
+                (branch.stroke, stroke.speed),
+                (branch.withdraw, config.travel_speed),
+            )
+        )
+        return PushPlan(approach, Trajectory.joined([push, withdraw]), (0.0, push.duration))
 
-    def _approach(self, joints: Vector, lower: Joints) -> Trajectory:
-        """Return the way from joints (J,) to the end of the lowering (T, J): up, across, down."""
-        parts = self._lifted(joints)
-        start = parts[-1].positions[-1] if parts else joints
-        return Trajectory.joined([*parts, self.travel(start, lower[0]), self._moved(lower)])
+    def travel(self, start: Vector, end: Vector, beside: int | None = None) -> Trajectory:
+        """Return the fastest way found among the bodies from joints (J,) to others.
 
-    def _lifted(self, joints: Vector) -> list[Trajectory]:
-        """Return the way straight up to above all bodies from joints (J,); none: it is there."""
-        tip = self.arm.tip(joints)
-        if tip[2] >= self.config.raised - LEVEL:
-            return []
-        way = self._line(tip, np.array([*tip[:2], self.config.raised]))
-        lift = _begun_at(joints, self.kinematics.follow(joints, way))
-        self._check_contacts(lift, None)
-        return [self._moved(lift)]
-
-    def travel(self, start: Vector, end: Vector) -> Trajectory:
-        """Return the way above all bodies from joints (J,) to others.
-
-        An arc about the base, if it ends in the same posture; else straight in joint space.
+        Along the table around the bodies, where both ends are low, or up, across and down; if
+        neither is possible in one posture, up, straight in joint space, and down.
 
         Raises:
             UnreachableError: there is none.
             BlockedError: a body is in the way, of those that were placed last.
         """
-        first, last = self.arm.tips(np.stack([start, end]))
-        error: SainError
-        try:
-            joints = _begun_at(start, self.kinematics.follow(start, self._arc(first, last)))
-            rest = end - joints[-1]
-            if np.abs(rest).max() < SAME:  # of the posture, at the same place
-                joints += np.linspace(0.0, 1.0, len(joints))[:, None] * rest
-                self._check_contacts(joints, set())
-                return self._moved(joints)
-            error = UnreachableError("another posture of the arm is needed")
-        except (UnreachableError, BlockedError) as failure:
-            error = failure
-        count = max(int(np.ceil(np.abs(end - start).max() / 0.05)), 2)
-        joints = start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start)
-        lowest = self.arm.tips(joints)[:, 2].min()
+        best: Trajectory | None = None
+        error: SainError | None = None
+        for ways in self._tool_ways(*self.arm.tips(np.stack([start, end]))):
+            for tips in ways:
+                least = np.linalg.norm(np.diff(tips, axis=0), axis=1).sum()
+                if best is not None and least > best.duration * self.config.travel_speed:
+                    break
+                try:
+                    way = self._moved(self._led(start, tips, end, beside))
+                except (UnreachableError, BlockedError) as failure:
+                    error = error or failure
+                    continue
+                best = way if best is None or way.duration < best.duration else best
+                break
+        return best or self._in_joint_space(start, end, beside, error)
+
+    def _tool_ways(self, start: ndarray, end: ndarray) -> Iterator[list[Tips]]:
+        """Yield ways between places (3,) of the tip: of each kind the first possible one counts."""
+        config, robot = self.config, self.robot
+        if max(start[2], end[2]) < config.tip_height + LOW:
+            limits = robot.workspace[:2]
+            corners = around(start[:2], end[:2], self._outlines, robot.tool_radius, limits)
+            if corners is not None:
+                heights = np.linspace(start[2], end[2], len(corners))[:, None]
+                places = np.concatenate([corners, heights], axis=1)
+                yield [rounded(places, size) for size in CORNERS]
+        yield [above(start, end, config.raised, robot.base, size) for size in CORNERS]
+
+    def _led(self, start: Vector, tips: Tips, end: Vector, beside: int | None) -> Joints:
+        """Return joints (T, J) from some to others along a way, checked.
+
+        As long as the tool is where it was, and straight above, it may touch anything: it may be
+        lifted off a body after a stop. A body may be beside it at the ends: straight above them, or
+        along the table.
+        """
+        joints = _begun_at(start, self.kinematics.follow(start, tips))
+        rest = end - joints[-1]
+        if np.abs(rest).max() >= SAME:  # of the posture, at the same place
+            raise UnreachableError("another posture of the arm is needed")
+        joints += np.linspace(0.0, 1.0, len(joints))[:, None] * rest
+        gone, left = (np.linalg.norm((tips - at)[:, :2], axis=1) for at in tips[[0, -1]])
+        above_all = self.config.raised - LEVEL
+        lifts = (gone < LEVEL) & (tips[0, 2] < above_all)
+        ends = np.minimum(gone, left) < (LEVEL if tips[:, 2].max() >= above_all else AWAY)
+        self._check_contacts(joints[lifts], None)
+        self._check_contacts(joints[ends & ~lifts], set(), beside)
+        self._check_contacts(joints[~ends & ~lifts], set())
+        return joints
+
+    def _lifted(self, joints: Vector) -> Joints:
+        """Return joints (T, J) straight up to above all bodies from others (J,)."""
+        tip = self.arm.tip(joints)
+        if tip[2] >= self.config.raised - LEVEL:
+            return np.stack([joints, joints])
+        top = np.array([*tip[:2], self.config.raised])
+        return _begun_at(joints, self.kinematics.follow(joints, line(tip, top)))
+
+    def _in_joint_space(
+        self, start: Vector, end: Vector, beside: int | None, error: SainError | None
+    ) -> Trajectory:
+        """Return the way up, straight in joint space, and down; `error`: why there is no other."""
+        lift, lower = self._lifted(start), self._lifted(end)[::-1]
+        turn = lower[0] - lift[-1]
+        count = max(int(np.ceil(np.abs(turn).max() / 0.05)), 2)
+        across = lift[-1] + np.linspace(0.0, 1.0, count + 1)[:, None] * turn
+        lowest = self.arm.tips(across)[:, 2].min()
         if lowest < self.config.raised - 0.5 * self.config.clearance:
             raise UnreachableError(
                 f"no way above the bodies: {error}; straight in joint space the tip would come"
                 f" down to {lowest:.3f} m"
             )
-        self._check_contacts(joints, set())
-        return self._moved(joints)
+        self._check_contacts(lift, None)
+        self._check_contacts(across, set())
+        self._check_contacts(lower, set(), beside)
+        return Trajectory.joined([self._moved(part) for part in (lift, across, lower)])
 
     def _check_contacts(
         self, joints: Joints, allowed: set[int] | None, beside: int | None = None
@@ -291,40 +336,19 @@ class PushPlanner:
                 if not fine and not (body is not None and body == beside and contact.gap > 0.0):
                     raise _refusal(contact)
 
-    def _line(self, start: ndarray, end: ndarray) -> Tips:
-        """Return points (T, 3) on a straight line, `SPACING` apart."""
-        count = max(int(np.ceil(np.linalg.norm(end - start) / SPACING)), 2)
-        return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start))
+    def _moved(self, joints: Joints) -> Trajectory:
+        """Return joints (T, J) over time, out of contact."""
+        speed, acceleration = self.config.travel_speed, self.config.travel_acceleration
+        return self._way(self.arm.tips(joints), joints, speed, acceleration).timed(self.robot)
 
-    def _arc(self, start: ndarray, end: ndarray) -> Tips:
-        """Return points (T, 3) on a spiral about the base, which comes no nearer than its ends."""
-        base = self.robot.base
-        near, far = (
-            np.array([np.hypot(*(p[:2] - base)), np.arctan2(*(p[:2] - base)[::-1]), p[2]])
-            for p in (start, end)
-        )
-        turn = far - near
-        length = np.linalg.norm([turn[0], turn[1] * max(near[0], far[0]), turn[2]])
-        count = max(int(np.ceil(length / SPACING)), 2)
-        radius, bearing, height = (near + np.linspace(0.0, 1.0, count + 1)[:, None] * turn).T
-        x, y = base[0] + radius * np.cos(bearing), base[1] + radius * np.sin(bearing)
-        return np.stack([x, y, height], axis=-1)
-
-    def _moved(self, joints: Joints, speed: float | None = None) -> Trajectory:
-        return self._way(self.arm.tips(joints), joints, speed).timed(self.robot)
-
-    def _timed(self, tips: Tips, joints: Joints) -> Trajectory:
-        return self._way(tips, joints, None).timed(self.robot)
-
-    def _way(self, tips: Tips, joints: Joints, speed: float | None) -> Way:
+    def _way(self, tips: Tips, joints: Joints, speed: float, acceleration: float) -> Way:
         """Return joints (T, J) over the tool's travel, or their own where the tool hardly moves."""
         steps = np.linalg.norm(np.diff(tips, axis=0), axis=1)
         turns = np.abs(np.diff(joints, axis=0)).max(axis=1)
         steps = np.maximum(steps, 0.05 * turns)
         keep = np.concatenate([[True], steps > 1e-9])
         travel = np.concatenate([[0.0], np.cumsum(steps)])
-        speed = self.config.travel_speed if speed is None else speed
-        return Way(travel[keep], joints[keep], speed, self.config.acceleration)
+        return Way(travel[keep], joints[keep], speed, acceleration)
 
 
 def _begun_at(start: Vector, joints: Joints) -> Joints:

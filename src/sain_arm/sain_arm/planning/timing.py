@@ -1,8 +1,10 @@
 """When the joints are where: the fastest motion along a given way within the limits.
 
 A way is a line through joint space, q(s), with s the tool's travel. Its speed ds/dt is bounded by
-the joints' speeds, by how its bends use up their accelerations, and by a speed asked for. From rest
-to rest, two sweeps find the fastest profile: Bobrow, Dubowsky and Gibson, 1985, on a grid in s.
+the joints' speeds and by a speed asked for, and with its acceleration by those of the joints:
+|q' u + q'' x| <= a, with x the squared speed and u the acceleration. On a grid in s, one sweep back
+finds the speeds from which the way can be ended, and one ahead the fastest of these: Pham and Pham,
+2018, "A new approach to time-optimal path parameterization based on reachability analysis".
 """
 
 from dataclasses import dataclass
@@ -18,11 +20,13 @@ from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_core.types import Scalars
 
 Times = Float[ndarray, "_"]
+Rows = Float[ndarray, "S L"]
 
 GRID: Final = 200  # places along a way
 SHARE: Final = 0.95  # of the limits that is used
-BEND_SHARE: Final = 0.5  # of the accelerations, at most, for bends; the rest changes the speed
+MOST: Final = 0.99  # of the accelerations between points, where the grid is coarse for a bend
 PERIOD: Final = 0.01  # [s] between points of a trajectory
+FLAT: Final = 1e-9  # [rad/m], of a joint that hardly moves
 SHORTEST: Final = 1e-6  # [m], below which nothing moves
 
 
@@ -102,23 +106,25 @@ class Way:
             still = np.repeat(self.joints[:1], 2, axis=0)
             return Trajectory(np.array([0.0, PERIOD]), still, np.zeros_like(still))
         spline = CubicSpline(self.travel, self.joints)
-        places = np.linspace(0.0, length, GRID)
-        slope, bend = np.abs(spline(places, 1)), np.abs(spline(places, 2))
+        places, step = np.linspace(0.0, length, GRID, retstep=True)
         with np.errstate(divide="ignore"):
-            most = (SHARE * robot.velocity / slope).min(axis=1)
-            bends = np.sqrt((BEND_SHARE * robot.acceleration / bend).min(axis=1))
-        speed = np.minimum(np.minimum(most, bends), self.speed)
-        with np.errstate(divide="ignore"):
-            left = SHARE * robot.acceleration - bend * speed[:, None] ** 2  # after the bends
-            push = (left / slope).min(axis=1)
-        speed = _swept(speed, np.minimum(push, self.acceleration), length / (GRID - 1))
+            most = (SHARE * robot.velocity / np.abs(spline(places, 1))).min(axis=1)
+        middles = places[:-1] + 0.5 * step
+        slope, bend = spline(middles, 1), spline(middles, 2)  # (S - 1, J)
+        limits = np.append(SHARE * robot.acceleration, self.acceleration)  # and of the tool
+        slope = np.append(slope + step * bend, np.ones((len(middles), 1)), axis=1)
+        bend = np.append(bend, np.zeros((len(middles), 1)), axis=1)
+        speed = np.sqrt(_swept(np.minimum(most, self.speed) ** 2, slope, bend, limits, 2.0 * step))
         steps = 2.0 * (length / (GRID - 1)) / (speed[1:] + speed[:-1])
         times = np.concatenate([[0.0], np.cumsum(steps)])
         count = max(int(np.ceil(times[-1] / PERIOD)), 2)
         sampled = np.linspace(0.0, times[-1], count + 1)
         travel, rate = _travelled(sampled, times, places, speed)
         rate[[0, -1]] = 0.0
-        return Trajectory(sampled, spline(travel), spline(travel, 1) * rate[:, None])
+        velocities = spline(travel, 1) * rate[:, None]
+        changes = np.abs(np.diff(velocities, axis=0)) / sampled[1] / robot.acceleration
+        slower = max(1.0, sqrt(changes.max() / MOST))
+        return Trajectory(slower * sampled, spline(travel), velocities / slower)
 
     def speed_share(self, robot: Robot) -> float:
         """Return how much of its speed the joints allow at the slowest place, at most 1."""
@@ -127,17 +133,27 @@ class Way:
         return float(min(1.0, (robot.velocity / np.maximum(slope, 1e-12)).min() / self.speed))
 
 
-def _swept(speed: Scalars, push: Scalars, step: float) -> Scalars:
-    """Return the fastest speeds (T,) from rest to rest below others, with these accelerations."""
-    limits, pushes = speed.tolist(), push.tolist()  # floats of Python are five times as fast here
-    limits[0] = limits[-1] = 0.0
-    for places in (range(1, len(limits)), range(len(limits) - 2, -1, -1)):
-        side = 1 if places.step > 0 else -1
-        for place in places:
-            before = place - side
-            gain = 2.0 * min(pushes[place], pushes[before]) * step
-            limits[place] = min(limits[place], sqrt(limits[before] ** 2 + gain))
-    return np.array(limits)
+def _swept(most: Scalars, slope: Rows, bend: Rows, limits: Scalars, step: float) -> Scalars:
+    """Return the highest squared speeds x (S,) from rest to rest, at most `most`.
+
+    From one place to the next x grows by `step` u, and |slope u + bend x| <= limit (S - 1, L). With
+    an x that allows u = 0 no place is a trap. Each limit puts u between two lines over x.
+    """
+    slope = np.where(np.abs(slope) < FLAT, FLAT, slope)
+    with np.errstate(divide="ignore"):
+        steady = np.append((limits / np.abs(bend)).min(axis=1), np.inf)
+    found = np.minimum(most, np.minimum(steady, np.roll(steady, 1))).tolist()
+    found[0] = found[-1] = 0.0
+    rows = zip((limits / np.abs(slope)).tolist(), (bend / slope).tolist(), strict=True)
+    lines = [list(zip(*row, strict=True)) for row in rows]  # floats of Python are faster here
+    for place in range(len(lines) - 1, 0, -1):
+        for room, fall in lines[place]:
+            if (share := 1.0 - step * fall) > 0.0:
+                found[place] = min(found[place], (found[place + 1] + step * room) / share)
+    for place in range(len(lines) - 1):
+        push = min(room - fall * found[place] for room, fall in lines[place])
+        found[place + 1] = min(found[place + 1], found[place] + step * push)
+    return np.array(found)
 
 
 def _travelled(sampled: Times, times: Times, places: Times, speed: Times) -> tuple[Times, Times]:

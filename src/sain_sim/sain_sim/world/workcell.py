@@ -105,7 +105,7 @@ class Sample:
         tool: the place of the tip, (3,) [m].
         commanded_tool: the commanded place of the tip, (3,) [m].
         scene: the disks, (N, 8).
-        phase: "approach", "push", "settle", "lift" or "rest".
+        phase: "approach", "push", "settle", "aside" or "rest".
     """
 
     time: float
@@ -123,17 +123,17 @@ Observer = Callable[[Sample], None]
 class Route(NamedTuple):
     """Joints (T, J) after each control step of every part of a push, before the arm moves."""
 
-    approach: Joints  # shown and not simulated, as `lift`; without it the arm jumps
+    approach: Joints  # shown and not simulated, as `aside`; without it the arm jumps
     stroke: Joints
     withdraw: Joints  # a little, off the body
-    lift: Joints
+    aside: Joints  # from there to where the arm waits
 
     @classmethod
     def of(cls, plan: PushPlan, approach: Joints) -> "Route":
         """Return the steps of a plan behind an approach."""
         joints = plan.stroke.sampled(TIME_STEP)
-        end, lifts = steps_of(plan.pushing[1]), steps_of(plan.lifts)
-        return cls(approach, joints[: end + 1], joints[end : lifts + 1], joints[lifts:])
+        end = steps_of(plan.pushing[1])
+        return cls(approach, joints[: end + 1], joints[end:], joints[-1:])
 
 
 class Watch(NamedTuple):
@@ -336,8 +336,8 @@ class Workcell(ABC):
         check_possible(self.scene(self.origin.states), self.observe())
         self._check_upright()
         if self._config.full_motion:
-            self._show(route.lift, "lift", watch)
-        self.arm.place(route.lift[-1])
+            self._show(route.aside, "aside", watch)
+        self.arm.place(route.aside[-1])
 
     def _check_upright(self) -> None:
         """Raise `ToppledError` unless all bodies stand; at the table's edge they may fall."""

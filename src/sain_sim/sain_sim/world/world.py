@@ -329,14 +329,13 @@ class World(CheckedWorld):
             plan = planner.plan(stroke, self.observe(), None)
         if not self.config.full_motion:
             route = Route.of(plan, plan.approach.positions[-1:])
-            back = simulation.home[None]
-        else:
-            way = planner.approach(plan, self._cell.arm.joint_states()[0])
-            route = Route.of(plan, way.sampled(TIME_STEP))
-            back = planner.travel(route.lift[-1], simulation.home).sampled(TIME_STEP)
+            return route._replace(aside=simulation.home[None]) if self.config.wait_aside else route
+        way = planner.approach(plan, self._cell.arm.joint_states()[0], stroke.body)
+        route = Route.of(plan, way.sampled(TIME_STEP))
         if not self.config.wait_aside:
             return route
-        return route._replace(lift=np.concatenate([route.lift, back]))
+        back = planner.travel(route.aside[-1], simulation.home)
+        return route._replace(aside=back.sampled(TIME_STEP))
 
     def close(self) -> None:
         """Close the world; a second call does nothing."""
