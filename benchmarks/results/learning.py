@@ -268,7 +268,10 @@ def of_bodies(rows: list[dict[str, Any]]) -> Iterator[tuple[Figure, Interval]]:
     bodies: dict[tuple[int, int], list[dict[str, Any]]] = {}
     for row in rows:
         bodies.setdefault((row["seed"], row["body"]), []).append(row)
-    long = {key: some for key, some in bodies.items() if len(some) >= max(OF_BODY)}
+    longest = max(OF_BODY)
+    long = {key: some[:longest] for key, some in bodies.items() if len(some) >= longest}
+    if not long:
+        return
     seeds = np.array([seed for seed, _ in long])
     for model in (SERVICE, SHIPPED, PLANAR):
         errors = np.array([[{**row, **row["errors"]}[model] for row in r] for r in long.values()])
