@@ -16,7 +16,7 @@ from sain_core.view.image import TopImage, TopPicture
 from sain_core.view.scenes import bodies_in, goal_marks
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
+from sain_eval.scenes.scenarios import SCENARIOS, check_scenario, draw_scene
 from sain_gym.episode import PushEpisode
 from sain_gym.spaces import PushSpaces
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
@@ -64,7 +64,7 @@ class PushEnvConfig(Config):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        OFFERED.check(self.scenario)
+        check_scenario(self.scenario)
         _ = self.truth
 
     @classmethod

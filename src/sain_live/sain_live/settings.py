@@ -8,7 +8,7 @@ from typing import Final
 
 from sain_core.config import MOST_SEED, Config, FieldSetting, option, settings_of
 from sain_core.errors import BusyError, ConfigError
-from sain_eval.scenes.scenarios import OFFERED
+from sain_eval.scenes.scenarios import check_in_graph
 from sain_mppi.config import PlannerConfig
 
 NO_SCENARIO: Final = ""
@@ -41,7 +41,7 @@ class PageConfig(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scenario != NO_SCENARIO:
-            OFFERED.check(self.scenario)
+            check_in_graph(self.scenario)
 
     @property
     def address(self) -> str:

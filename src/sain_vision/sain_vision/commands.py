@@ -44,5 +44,5 @@ scene_node: Final = NodeCommand(
     example="bodies:=bodies.yaml",
 )
 calibrate_camera: Final = Command("sain_vision calibrate_camera", "ros.calibrate_camera", ros=True)
-new_shape: Final = Command("sain_vision new_shape", "ros.new_shape", ros=True)
+new_shape: Final = Command("sain_vision new_shape", "ros.new_shape", ros=True, without_ros="--mesh")
 print: Final = Command("sain_vision print", "cli.print_tags")  # noqa: A001 - its name

@@ -7,6 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+import trimesh
 import yaml
 from rich.console import Console
 from shapely import Polygon, affinity
@@ -15,7 +16,7 @@ from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.randomness import generator
 from sain_core.scene import RADIUS
 from sain_core.shapes.body_file import parse_bodies
-from sain_core.shapes.library import get_shape
+from sain_core.shapes.library import get_shape, own_bodies
 from sain_core.shapes.outlines import trace
 from sain_vision.detection.outlines import OutlineConfig, OutlineFinder
 from sain_vision.detection.tracing import trace_top
@@ -82,6 +83,26 @@ def test_what_cannot_be_used_is_said(look, monkeypatch, change, text):
     monkeypatch.setattr("sys.stdin", io.StringIO())  # there is no terminal
     with pytest.raises((ConfigError, SainError), match=text):
         run(NewShapeOptions(**(look | change)), Console())
+
+
+def test_a_mesh_makes_a_shape_with_height_mass_and_centre(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
+    mesh = trimesh.creation.box((100.0, 60.0, 90.0))
+    mesh.export(tmp_path / "box.stl")
+    options = {"name": "carton", "mesh": tmp_path / "box.stl"}
+    with pytest.raises(SainError, match=r"box\.stl is 100 m large; .* --unit mm"):
+        run(NewShapeOptions(**options), Console(width=200))
+    run(NewShapeOptions(**options, unit="mm", density=300.0), Console(width=200))
+    said = capsys.readouterr().out
+    assert "100 x 60 mm, 90 mm high" in said and "a fair flat body: yes" in said
+    assert "where the friction is above 1.50; it is higher than wide, so a fast push" in said
+    row = yaml.safe_load(said[said.index("{name") :])
+    bodies = parse_bodies({"bodies": [row]})
+    assert (bodies.heights, bodies.masses) == ((0.09,), (0.162,))
+    own = own_bodies()["carton"]
+    assert (own.height, own.mass, own.mass_centre, own.fair) == (0.09, 0.162, (0.0, 0.0), "yes")
+    with pytest.raises(ConfigError, match=r"density is 0\.2 kg/m"):
+        NewShapeOptions(**options, density=0.2, overwrite=True)
 
 
 DOWN = np.array([[0.0, -1, 0], [-1, 0, 0], [0, 0, -1]])

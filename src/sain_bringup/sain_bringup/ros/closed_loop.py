@@ -31,7 +31,7 @@ from sain_core.output import MANIFEST, claim_folder, remove, sign
 from sain_core.provenance import provenance
 from sain_core.shapes.shape import FEET
 from sain_core.world import changed_settings
-from sain_eval.scenes.scenarios import OFFERED, SCENARIOS, draw_scene
+from sain_eval.scenes.scenarios import SCENARIOS, check_in_graph, draw_scene
 from sain_model.compute.kernel_store import (
     compile_kernels,
     describe_compilation,
@@ -97,7 +97,7 @@ class ClosedLoopOptions(GraphOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scenario is not None:
-            OFFERED.check(self.scenario)
+            check_in_graph(self.scenario)
 
     @property
     def plans(self) -> list[tuple[str, int]]:

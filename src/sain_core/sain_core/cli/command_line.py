@@ -85,6 +85,7 @@ class Command:
     module: str  # the file, as a module in the package
     resumes: str = ""  # what it continues from after Ctrl-C; "": it starts again
     ros: bool = False  # whether it accepts ``--ros-args``
+    without_ros: str = ""  # an option with which it needs no ROS 2
     prefixes: bool = False  # whether nested settings are ``--group.name``; otherwise ``--name``
     alias: str = ""  # as a subcommand of ``sain``, where another command has the same name
 

@@ -37,7 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"{PROGRAM}: there is no command {name!r}{near}; see {PROGRAM} --help\n")
         return WRONG_USAGE
     command = commands[name]
-    if command.needs_ros and find_spec("rclpy") is None:
+    bare = getattr(command, "without_ros", "") in given[1:]
+    if command.needs_ros and not bare and find_spec("rclpy") is None:
         sys.stderr.write(
             f"{PROGRAM} {name} needs ROS 2 (rclpy), which is not installed here: run it inside"
             " ./env of a checkout, or in a workspace of ROS 2 Jazzy\n"

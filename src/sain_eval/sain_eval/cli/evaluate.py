@@ -20,6 +20,7 @@ from sain_eval.loop.closed_loop import agent_maker
 from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
 from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
+from sain_eval.scenes.anything import is_anything
 from sain_eval.scenes.scenarios import MORE, SCENARIOS, check_scenario
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
@@ -77,7 +78,8 @@ class EvaluateOptions(WorkerOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in _split(self.scenario, "scenario"):
-            check_scenario(name, self.outlines)
+            if not is_anything(name):  # its file is read when the evaluation begins
+                check_scenario(name)
         for tolerance in self.tolerance_values:
             for value, most, unit in (
                 (tolerance.distance, MOST_TOLERANCE, "m"),
@@ -140,9 +142,12 @@ def run(options: EvaluateOptions, console: Console) -> None:
 def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
     """Run what is left of an evaluation and write its results.
 
-    Raises `OutputError`: the folder cannot be written or holds other results; `CheckpointError`: a
+    Raises `DatasetError`: the file of outlines cannot be read; `ConfigError`: it has no such body;
+    `OutputError`: the folder cannot be written or holds other results; `CheckpointError`: a
     controller's model cannot be loaded.
     """
+    for name in _split(options.scenario, "scenario"):
+        check_scenario(name, options.outlines)
     pictures = [one.picture.name for one in jobs_of(options, set()) if one.picture]
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
     journal = Journal(options.out, options.settings(), options.overwrite)

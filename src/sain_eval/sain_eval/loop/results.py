@@ -21,7 +21,7 @@ from sain_core.randomness import Interval, bootstrap_mean, generator
 from sain_core.scene import POSITION, THETA, wrap_angle
 from sain_core.transitions import MOVED
 from sain_core.types import Scene
-from sain_core.world import PushRecord
+from sain_core.world import PushRecord, ToppledError
 from sain_eval.episode import EpisodeRecord, Tolerance
 from sain_eval.loop.play import EpisodeOutcome
 from sain_eval.scenes.families import ScenarioScene
@@ -60,6 +60,11 @@ class SceneRecord:
     most_goals: int = 1  # that the scene has
     within: str = ""  # what counts as success, where it is not the tolerance
     seconds: float = 0.0  # of the world, that these pushes took
+
+    @property
+    def tipped(self) -> bool:
+        """Whether it failed because a push tipped a body over."""
+        return self.failure.startswith(ToppledError.__name__)
 
     @property
     def group(self) -> tuple[str, str, float, float]:
@@ -190,6 +195,7 @@ def _row(records: list[SceneRecord]) -> dict[str, Any]:
         "target_error": float(np.mean(errors)) if errors else None,
         "turn_error": float(np.mean(turns)) if turns else None,
         "refusals": sum(record.refusals for record in records),
+        "tipped": sum(record.tipped for record in records),
         "fallbacks": sum(record.fallbacks for record in records),
         "goals_in_a_row": [record.goals for record in records if record.most_goals > 1],
         "most_goals": first.most_goals,

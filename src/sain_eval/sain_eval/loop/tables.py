@@ -63,7 +63,8 @@ def tolerance_text(distance: float, turn: float) -> str:
 
 def solved_text(row: dict[str, Any]) -> str:
     """Return how many scenes were solved; where these have several goals, how many in a row."""
-    text = f"{row['successes']}/{row['scenes']}"
+    tipped = f", {row['tipped']} tipped" if row.get("tipped") else ""
+    text = f"{row['successes']}/{row['scenes']}{tipped}"
     if row["most_goals"] == 1:
         return text
     in_a_row = ", ".join(map(str, row["goals_in_a_row"]))

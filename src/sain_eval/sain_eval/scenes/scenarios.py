@@ -5,9 +5,9 @@ from functools import cache
 from pathlib import Path
 from typing import Final, Protocol, runtime_checkable
 
-from sain_core.errors import SainError
+from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.plugins import Plugins
-from sain_core.scene import Table
+from sain_core.scene import DISK_HEIGHT, Table
 from sain_core.shapes.bodies import check_bodies
 from sain_core.shapes.outlines import NO
 from sain_eval.scenes import families
@@ -67,6 +67,16 @@ def check_scenario(name: str, outlines: Path | None = None) -> None:
                 log.warning("%s is no fair flat body: its cross-section varies", body.shape.name)
     else:
         OFFERED.check(name)
+
+
+def check_in_graph(name: str) -> None:
+    """Check that the graph can play a scenario of this name; raises `ConfigError`."""
+    if is_anything(name):
+        raise ConfigError(
+            f"scenario {name!r} is not for the graph, whose bodies are all {1e3 * DISK_HEIGHT:g} mm"
+            " high; play it with `sain evaluate`, or as sain/Push-v0"
+        )
+    OFFERED.check(name)
 
 
 def find_scenario(name: str, outlines: Path | None = None) -> Scenario:

@@ -1,8 +1,8 @@
-"""``sain new_shape``: the outline of an object without a tag, from one look at it."""
+"""``sain new_shape``: the outline of an object without a tag, from a look at it or a mesh."""
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -15,8 +15,23 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError, InvalidInputError, SainError
 from sain_core.guarding.documents import dump_yaml
 from sain_core.output import OVERWRITE_HELP, claim_file, write_whole
+from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.library import OUTLINES, PLAIN, outline_folder, shape_names
-from sain_core.shapes.outlines import METRES, SHAPES, UNIT, BodyOutline, trace
+from sain_core.shapes.meshes import FORMATS, UNITS, UPWARD, MeshBody, read_mesh
+from sain_core.shapes.outlines import (
+    FAIR,
+    FAIR_SHARES,
+    HEIGHT,
+    MASS,
+    MASS_CENTRE,
+    METRES,
+    OUTLINE,
+    SHAPES,
+    UNIT,
+    BodyOutline,
+    trace,
+)
+from sain_core.types import Points
 from sain_vision.detection.sighting import grey_of
 from sain_vision.detection.tracing import TracedTop, draw_top, trace_top
 from sain_vision.extrinsics_file import read_extrinsics
@@ -27,13 +42,20 @@ SCALE: Final = 2  # times as large a picture is shown
 
 @dataclass(frozen=True)
 class NewShapeOptions(Config):
-    """Make a shape of an object on the table, from a look of a depth camera.
+    """Make a shape of an object on the table, from a look of a depth camera or from a mesh.
 
     The object lies alone in the image, wholly visible, the arm away. The command writes a picture
-    and asks, then writes the outline. After that its name is a shape, wherever shapes are named.
+    and asks, then writes the outline. A mesh is taken as it lies, seen from above. After that its
+    name is a shape, wherever shapes are named.
     """
 
     name: Annotated[str, tyro.conf.Positional] = option("", "of the shape")
+    mesh: Path | None = option(None, f"{', '.join(FORMATS)} file to take it from, not the camera")
+    unit: str = option("m", "of the mesh", choices=tuple(UNITS))
+    up: str = option("z", "axis of the mesh that points upwards; -z: upside down", choices=UPWARD)
+    density: float | None = option(
+        None, "of a closed mesh, for its mass", unit="kg/m^3", minimum=1.0, maximum=25_000.0
+    )
     near: tuple[float, float] | None = option(
         None, "place of the object, x and y; without it, the largest", unit="m"
     )
@@ -69,6 +91,12 @@ def run(options: NewShapeOptions, console: Console) -> None:
 
     Raises `SainError`: no look, no object, or the user does not confirm.
     """
+    if options.mesh is not None:
+        claim_file(options.path, options.overwrite)
+        found = read_mesh(options.mesh, options.name, options.unit, options.up, options.density)
+        console.print(f"{options.name}: {describe_mesh(found)}", highlight=False, soft_wrap=True)
+        _keep(options, found.body, console)
+        return
     shown = options.path.with_suffix(".png")
     for path in (options.path, shown):
         claim_file(path, options.overwrite)
@@ -82,20 +110,23 @@ def run(options: NewShapeOptions, console: Console) -> None:
     write_whole(shown, cv2.imencode(".png", large)[1].tobytes())
     console.print(f"{options.name}: {what}\npicture: {shown}", highlight=False)
     _confirm(options, console)
-    write_whole(options.path, content_of(options.name, top, body).encode())
+    _keep(options, replace(body, height=top.height), console)
+
+
+def _keep(options: NewShapeOptions, body: BodyOutline, console: Console) -> None:
+    """Write the file of a body, and print its line in a file of bodies."""
+    write_whole(options.path, content_of(options.name, body).encode())
     shape = options.name if options.out is None else options.out.absolute()
     row = f"name: {options.name}, shape: '{shape}:flat', radius: {body.radius:.4f}"
+    row += f", height: {body.height:.3f}" + (f", mass: {body.mass:.3f}" if body.mass else "")
     console.print(
-        f"{options.path}\nin a file of bodies:  - {{{row}, height: {top.height:.3f}}}",
-        highlight=False,
-        soft_wrap=True,
+        f"{options.path}\nin a file of bodies:  - {{{row}}}", highlight=False, soft_wrap=True
     )
 
 
 def describe(top: TracedTop, body: BodyOutline) -> str:
     """Return what a shape is, in words."""
-    box = cv2.minAreaRect(top.outline.astype(np.float32))[1]
-    long, short = sorted((1e3 * side for side in box), reverse=True)
+    long, short = _sides(top.outline)
     others = f"one of {top.count} objects, chosen by --near or as the largest; "
     return others * (top.count > 1) + (
         f"{long:.0f} x {short:.0f} mm, {1e3 * top.height:.0f} mm high, radius"
@@ -104,11 +135,48 @@ def describe(top: TracedTop, body: BodyOutline) -> str:
     )
 
 
-def content_of(name: str, top: TracedTop, body: BodyOutline) -> str:
-    """Return the file of an outline, about its centroid."""
-    corners = (top.outline - np.array(body.centre)).round(5).tolist()
-    about = {UNIT: METRES, "height": round(top.height, 4), "radius": round(body.radius, 5)}
-    return dump_yaml({SHAPES: {name: corners}, **about})
+def describe_mesh(found: MeshBody) -> str:
+    """Return what a body of a mesh is, in words, and whether it can be pushed as a flat one."""
+    body, shares = found.body, ", ".join(f"{share:.2f}" for share in found.slices)
+    long, short = _sides(body.shape.outline(body.radius))
+    high = 1e3 * (body.height or 0.0)
+    lines = [
+        f"{long:.0f} x {short:.0f} mm, {high:.0f} mm high, radius"
+        f" {1e3 * body.radius:.1f} mm, {len(body.shape.outline(1.0))} corners within"
+        f" {1e3 * found.tolerance:g} mm, {len(body.shape.parts(1.0))} convex parts",
+        f"a fair flat body: {body.fair} (slices at a quarter, half and three quarters of the height"
+        f" have {shares} of the area; from {FAIR_SHARES[0]} it is one, from {FAIR_SHARES[1]}"
+        " roughly)"
+        if body.fair
+        else "a fair flat body: unknown, for the slices of the open mesh do not close",
+        f"pushed {1e3 * DISK_HEIGHT / 2:.0f} mm above the table, it tips before it slides where the"
+        f" friction is above {found.steady:.2f}"
+        + ("; it is higher than wide, so a fast push may tip it" if high > short else ""),
+    ]
+    if body.mass_centre is not None:
+        x, y = (1e3 * place for place in body.mass_centre)
+        mass = f"mass {body.mass:.3g} kg" if body.mass else "--density gives the mass"
+        lines.append(f"centre of mass at ({x:.1f}, {y:.1f}) mm from the centroid; {mass}")
+    return "\n".join((*lines, *body.mended))
+
+
+def _sides(outline: Points) -> tuple[float, float]:
+    """Return the longer and the shorter side [mm] of the box about an outline (M, 2) [m]."""
+    long, short = sorted(cv2.minAreaRect(outline.astype(np.float32))[1], reverse=True)
+    return 1e3 * long, 1e3 * short
+
+
+def content_of(name: str, body: BodyOutline) -> str:
+    """Return the file of a body; its outline is about its centroid."""
+    about = {
+        OUTLINE: body.shape.outline(body.radius).round(5).tolist(),
+        HEIGHT: None if body.height is None else round(body.height, 4),
+        MASS: None if body.mass is None else round(body.mass, 4),
+        MASS_CENTRE: None if body.mass_centre is None else [round(v, 5) for v in body.mass_centre],
+        FAIR: body.fair or None,
+    }
+    stated = {key: value for key, value in about.items() if value is not None}
+    return dump_yaml({SHAPES: {name: stated}, UNIT: METRES})
 
 
 def _confirm(options: NewShapeOptions, console: Console) -> None:
