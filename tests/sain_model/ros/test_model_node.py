@@ -1,15 +1,23 @@
 # ruff: noqa: E501 - a case is a line
 """The model's node: right answers to right questions, and codes and messages to wrong ones."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from builtin_interfaces.msg import Time
 
 from sain_core import wire
 from sain_core.errors import CheckpointError, ConfigError, ErrorCode
 from sain_core.model import load_dynamics
 from sain_core.push import PushLimits
 from sain_core.ros import codec
+from sain_core.ros.qos import LATCHED
+from sain_core.scene import RADIUS
+from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.library import get_shape
 from sain_core.transitions import PushHistory
+from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.srv import PredictResidual, Rollout
 from sain_model.physics.planar import PlanarPrior
 from sain_model.ros.model_node import ModelNode
@@ -78,6 +86,22 @@ def test_a_wrong_rollout_request_is_answered_with_what_is_wrong(graph, model, fi
     assert len(response.predicted) == 0
     good = graph.call(Rollout, "rollout", rollout_request(pushes(2, 2)))
     assert good.error_code == ErrorCode.OK
+
+
+def test_a_shape_of_a_user_is_the_one_that_the_graph_states(graph, model):
+    """It is installed nowhere: a bodies file names the outline by its path."""
+    own = replace(get_shape("t"), name="mug-123456")
+    stated, plates = Bodies((own, get_shape("disk"))), Bodies.named(("t", "disk"))
+    request = rollout_request(pushes(4, 2), shapes=["mug-123456", "disk"])
+    refused = graph.call(Rollout, "rollout", request)
+    assert "shape of body 0 is 'mug-123456'" in refused.error_message
+    message = codec.encode_bodies(stated, SCENE[:, RADIUS], stamp=Time(), episode_id=1)
+    graph.bystander.create_publisher(BodiesMessage, "shapes", LATCHED).publish(message)
+    graph.wait(lambda: model.bodies.shapes[0].name == own.name, "the bodies at the model")
+    answered = graph.call(Rollout, "rollout", request)
+    assert answered.error_message == ""
+    expected = PlanarPrior(bodies=plates).rollout(SCENE, pushes(4, 2))
+    np.testing.assert_allclose(wire.decode_rollout(answered, (4, 2, 2)), expected, atol=1e-6)
 
 
 def history(friction, count=3):

@@ -44,13 +44,22 @@ def decode_bodies(message: Any) -> Bodies:
     return Bodies(shapes, as_roles([body.role for body in message.bodies]), heights)
 
 
-def decode_request_bodies(request: Any) -> Bodies:
-    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; by default disks."""
+def decode_request_bodies(request: Any, stated: Bodies) -> Bodies:
+    """Return the bodies of a ``Rollout`` or ``PredictResidual`` request; by default disks.
+
+    A request names shapes. One that is not installed here, as of a user's file, is that of this
+    name among the bodies that the topic `shapes` stated last.
+    """
     shapes, roles = request.shapes, request.roles
     for name, given in (("shapes", shapes), ("roles", roles)):
         if len(given) not in (0, request.disks):
             raise InvalidInputError(f"{len(given)} {name} are given for {request.disks} bodies")
-    return Bodies.named(shapes or [DISK] * request.disks, roles)
+    known = {shape.name: shape for shape in stated.shapes}
+    named = enumerate(shapes or [DISK] * request.disks)
+    return Bodies(
+        tuple(known[name] if name in known else get_shape(name, body) for body, name in named),
+        as_roles(roles),
+    )
 
 
 def check_unchanged(first: Bodies, now: Bodies) -> None:

@@ -116,7 +116,7 @@ class ModelNode(Node):
         def work(server: "ModelServer") -> None:
             server.check_work(request.samples * request.horizon, request.disks)
             scene, pushes = wire.decode_rollout_request(request)
-            known = wire.decode_past(request), decode_request_bodies(request)
+            known = wire.decode_past(request), decode_request_bodies(request, self.bodies)
             predicted = server.rollout(scene, pushes, *known)
             response.predicted = codec.encode_floats(predicted)
             if request.with_regions:
@@ -132,7 +132,7 @@ class ModelNode(Node):
         def work(server: "ModelServer") -> None:
             server.check_work(request.batch, request.disks)
             asked = wire.decode_predict_request(request)
-            known = wire.decode_past(request), decode_request_bodies(request)
+            known = wire.decode_past(request), decode_request_bodies(request, self.bodies)
             residual, next_state = server.predict(*asked, history=known[0], bodies=known[1])
             response.friction = server.friction(*known)
             response.residual = codec.encode_floats(residual)
