@@ -54,12 +54,10 @@ class Planner:
             NoPushError: no push that moves a body is permitted.
             ModelUnavailableError: nothing that the model predicted is finite.
         """
-        config, prepared = self.config, start.prepared
+        config, prepared = self.config, start.prepared_for(problem.goal, bool(problem.refused))
         if deadline is None and config.deadline > 0.0:
             deadline = monotonic() + config.deadline
-        if problem.refused or problem.goal != start.goal:
-            prepared = None
-        elif prepared is not None:
+        if prepared is not None:
             config = config.correcting()
         search = self._search(problem, config, deadline, prepared)
         first = _resumed(problem, config, start) if prepared is None else prepared

@@ -75,7 +75,12 @@ class Patience:
 
 
 class PlanningDecider(Decider):
-    """Plans with a model, with physics while the model fails, and wider after large errors."""
+    """Plans with a model, with physics while the model fails, and wider after large errors.
+
+    What earlier pushes show is inferred beside the arm's motion. A prepared plan is corrected with
+    what was inferred then: the latest push, which led about where it should, counts from the next
+    plan on. A surprise counts at once.
+    """
 
     def __init__(
         self,
@@ -91,6 +96,7 @@ class PlanningDecider(Decider):
         self._session: int | None = None
         self._planner = Planner(model, config)  # of the latest job
         self._rest = WarmStart()  # what its plan leaves
+        self._inferred: PushHistory | None = None  # from what the model was inferred for it
 
     def adjust(self, planner: PlannerConfig) -> None:
         """Plan with other settings from the next job on."""
@@ -110,9 +116,6 @@ class PlanningDecider(Decider):
         monitor.config = config.progress
         self._patience.until = started + MODEL_SHARE * time if time else None
         self._patience.cancelled = job.cancelled
-        model = FallbackRollout(
-            self._model, self._physics, job.history, job.problem.bodies, self._patience
-        )
         self._compare(job)
         warning, dead_end = monitor.warning, self._dead_end(job)
         if dead_end is not None and dead_end.cause is Cause.UNEXPLAINED:
@@ -121,6 +124,9 @@ class PlanningDecider(Decider):
             dead_end = dead_end if is_sure else None
         if warning or config != self._planner.config:
             self._rest = replace(self._rest, prepared=None)
+        is_prepared = self._rest.prepared_for(job.problem.goal, bool(job.problem.refused))
+        history = job.history if is_prepared is None else self._inferred
+        model = self._following(history, job.problem.bodies)
         planner = self._planner = Planner(model, config, monitor.careful)
         if warning:
             planner = replace(planner, config=config.widened())
@@ -128,9 +134,20 @@ class PlanningDecider(Decider):
         plan = planner.plan(job.problem, generator, self._rest, deadline)
         self._rest = plan.rest
         monitor.expect(job.problem.scene, plan.predicted[0])
+        self._inferred = history
         errors = monitor.errors, monitor.expected
         decision = PushDecision(job, plan.push, plan, model.failure, warning, *errors)
         return replace(decision, settings=config, dead_end=dead_end)
+
+    def _following(self, history: PushHistory | None, bodies: Bodies) -> "FallbackRollout":
+        """Return the model after a history, with physics behind it."""
+        return FallbackRollout(self._model, self._physics, history, bodies, self._patience)
+
+    def _infer(self, job: PlanJob) -> None:
+        """Have the planner's model follow all pushes before a job, where it does not yet."""
+        if self._inferred is not job.history:
+            model = self._following(job.history, job.problem.bodies)
+            self._planner, self._inferred = replace(self._planner, model=model), job.history
 
     def _compare(self, job: PlanJob) -> None:
         """Compare the scene with what was expected; raise when it is no use going on."""
@@ -160,6 +177,7 @@ class PlanningDecider(Decider):
         last = job.task.max_pushes and job.pushes + 1 >= job.task.max_pushes
         if last or replace(job, observed=expected).reached:
             return False
+        self._infer(job)
         expected_problem = replace(job.problem, scene=plan.predicted[0], refused=())
         self._rest = self._planner.prepare(expected_problem, generator, self._rest)
         return True
@@ -170,6 +188,7 @@ class PlanningDecider(Decider):
         if plan is None or decision.failure is not None:
             return decision
         problem = decision.job.problem
+        self._infer(decision.job)
         plan = self._planner.complete(problem, plan)
         if plan.regions is not None:
             self._monitor.expect(problem.scene, plan.predicted[0], plan.regions[0])

@@ -179,6 +179,10 @@ class WarmStart:
     goal: Goal | None = None  # that they were planned for
     prepared: PushSequences | None = None  # (E, H, 5), planned for the scene that is expected next
 
+    def prepared_for(self, goal: Goal, refused: bool) -> PushSequences | None:
+        """Return what was prepared, if it is for this goal and no push was refused since."""
+        return None if refused or goal != self.goal else self.prepared
+
 
 @dataclass(frozen=True)
 class PlanResult:
