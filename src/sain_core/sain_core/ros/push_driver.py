@@ -30,7 +30,7 @@ from sain_core.wire.scene_door import OLD, SceneDoor, SeenScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult, Scene
 
-AFTER: Final = 0.4  # [s], from the end of a push to the scene that shows what it led to
+AFTER: Final = 0.2  # [s], from the end of a push to the scene that shows what it led to
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
 LOOK: Final = 0.5  # [s] between looks for a second robot, and for bodies that do not come to rest

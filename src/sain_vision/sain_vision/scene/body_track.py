@@ -32,7 +32,7 @@ class TrackingConfig(Config):
         "standard deviation of the poses, as the planner's `estimator.noise`: METRES,RADIANS",
     )
     rest_time: float = option(
-        0.3, "time without motion after which bodies are at rest", unit="s", minimum=0.05
+        0.15, "time without motion after which bodies are at rest", unit="s", minimum=0.05
     )
     rest_distance: float = option(
         0.0005, "motion in this time that counts as none, besides noise", unit="m", minimum=1e-5
