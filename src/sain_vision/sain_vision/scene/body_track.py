@@ -123,6 +123,10 @@ class BodyTrack:
         if self._known:
             self._since = self._known[0].stamp
 
+    def rest_from(self, stamp: float) -> None:
+        """Take what is seen before a time [s] for no sign of rest."""
+        self._since = max(self._since, stamp)
+
     def add(self, seen: Observed, stamp: float) -> str:
         """Add a pose of a time [s]; return how the body jumped, in words; empty: it did not."""
         covariance = self._config.noise_covariance if seen.covariance is None else seen.covariance

@@ -41,6 +41,7 @@ class SceneTracker:
         self._begun = False  # whether this process has begun an episode
         self._jump = ""
         self._age = ""
+        self._ended = -np.inf  # the time [s] at which the latest push ended
         self._under_way: OrderedDict[int, float] = OrderedDict()  # pushes, and since when
         self._restless_since = 0.0  # [s]
         self._answered: deque[int] = deque(maxlen=REMEMBERED)
@@ -136,6 +137,8 @@ class SceneTracker:
                 return False
             track.forget_until(track.stamp)  # whoever sends them began anew
         self._jump = track.add(one, stamp) or self._jump
+        if self._ended - self._config.max_age < stamp <= self._ended:
+            track.rest_from(self._ended)  # a camera is late: what rests there was not pushed yet
         return True
 
     def _age_of(self, stamp: float, now: float) -> str:
@@ -181,6 +184,7 @@ class SceneTracker:
         if code == ErrorCode.OK:
             self.scene_id += 1
             self._reference = None
+            self._ended = end
             for track in self._tracks:
                 track.forget_until(end)
 
