@@ -46,6 +46,7 @@ DECODING_SECONDS_A_MIB: Final = 20.0  # and so much more for each MiB of the fil
 # Messages, and what they and data sets state of bodies
 MOST_BODIES: Final = 32
 LONGEST_NAME: Final = 64  # characters of a shape or a role
+LONGEST_PATH: Final = 4096  # characters, as Linux has it
 MOST_PARTS: Final = 24  # of one shape
 MOST_CORNERS: Final = 64  # of one part
 LEAST_RADIUS: Final = 0.001  # [m]

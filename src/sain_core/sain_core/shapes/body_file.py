@@ -18,6 +18,7 @@ from sain_core.guarding.documents import dump_yaml, read_user_yaml
 from sain_core.guarding.plugins import did_you_mean
 from sain_core.guarding.untrusted import (
     LEAST_RADIUS,
+    LONGEST_PATH,
     MOST_BODIES,
     MOST_RADIUS,
     check_frame,
@@ -122,9 +123,10 @@ def parse_bodies(content: Any) -> BodyFile:
         values = (row.get(key, default) for row in rows)
         return [check(f"{key} of body {body}", one, *allowed) for body, one in enumerate(values)]
 
-    frames, topics, shapes, roles, names = (
-        column(key, "", check_text, 0) for key in ("frame", "topic", "shape", "role", "name")
+    frames, topics, roles, names = (
+        column(key, "", check_text, 0) for key in ("frame", "topic", "role", "name")
     )
+    shapes = column("shape", "", check_text, 0, LONGEST_PATH)  # of a file, by its path
     tags = [_tags(row.get("tags", []), number) for number, row in enumerate(rows)]
     _check_sources(frames, topics, tags)
     own_names = _all_named(names, shapes)
@@ -246,8 +248,9 @@ def _check_tags(body: int, tags: Sequence[Tag], shape: Shape, radius: float) -> 
 
 
 def _all_named(names: Sequence[str], shapes: Sequence[str]) -> tuple[str, ...]:
-    """Return a name of its own for each body: as given, or that of its shape."""
+    """Return a name of its own for each body: as given, or that of its shape, without folders."""
     made: list[str] = []
+    shapes = [shape.rpartition("/")[2] for shape in shapes]
     for body, (name, shape) in enumerate(zip(names, shapes, strict=True)):
         free = shape not in made and shape not in names
         made.append(name or (shape if free else f"{shape}_{body}"))

@@ -14,6 +14,7 @@ from sain_core import wire
 from sain_core.errors import BusyError, ConfigError, error_reply
 from sain_core.guarding.ros.reception import LARGE_BYTES, Reception, introspect, shortened
 from sain_core.guarding.ros.state_file import StateFile
+from sain_core.guarding.untrusted import LONGEST_PATH
 from sain_core.ros import codec
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
@@ -35,7 +36,6 @@ REPORT_PERIOD = 1.0  # [s]
 SAY_PERIOD = 5.0  # [s], of what is done before the node serves
 TASK = "predictions"  # of the diagnostics
 SERVING = "serving"
-LONGEST_PATH = 4096  # characters, as Linux has it
 MOST_LOADS = 16  # models that wait to be loaded
 
 

@@ -1,0 +1,92 @@
+"""The protocol of Push Anything: bodies with tags, its goals, and the page of times."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from shapely import Polygon, union_all
+
+from benchmarks.anything.__main__ import goals, read_times, rows_of
+from benchmarks.anything.bodies import MOST_TAGS, PAPER, place_tags
+from benchmarks.anything.page import page
+from sain_core.output import write_json
+from sain_core.scene import unit
+from sain_core.shapes.body_file import Tag, parse_bodies
+from sain_core.shapes.library import own_bodies
+
+BLOCK = [[-0.06, -0.04], [0.06, -0.04], [0.06, 0.04], [-0.06, 0.04]]
+OBJECTS = {"Block": (BLOCK, 0.05), "Bar": ([[2 * x, y / 3] for x, y in BLOCK], 0.03)}
+
+
+@pytest.fixture
+def file(tmp_path):
+    path = tmp_path / "objects.json"
+    rows = [{"name": n, "outline_m": o, "height_m": h} for n, (o, h) in OBJECTS.items()]
+    write_json(path, {"objects": rows})
+    return path
+
+
+@pytest.mark.parametrize(
+    "outline",
+    [
+        np.array(BLOCK),
+        0.08 * unit(np.linspace(0, 2 * np.pi, 30)[:-1]),
+        np.array([(0, 0), (0.12, 0), (0.12, 0.03), (0.03, 0.03), (0.03, 0.12), (0, 0.12)]),
+    ],
+)
+def test_tags_lie_on_their_body_with_their_paper_and_apart(outline):
+    tags = [Tag(one.pop("id"), **one) for one in place_tags(outline, 6)]
+    assert [tag.number for tag in tags] == list(range(6, 6 + MOST_TAGS))
+    papers = [Polygon(Tag(0, PAPER * tag.size, tag.x, tag.y, tag.angle).corners()) for tag in tags]
+    assert Polygon(outline).buffer(1e-4).covers(union_all(papers))
+    assert union_all(papers).area == pytest.approx(sum(one.area for one in papers), rel=1e-3)
+
+
+def test_a_body_without_room_has_no_tags():
+    assert place_tags(0.01 * np.array(BLOCK) / 0.06, 0) == []
+
+
+def test_a_bodies_file_is_that_of_the_outlines(file):
+    content = {"bodies": rows_of(file, ["block", "bar"], own_bodies(file), "tags")}
+    bodies = parse_bodies(content)
+    assert bodies.names == ("block", "bar") and bodies.heights == (0.05, 0.03)
+    assert not bodies.weighed and all(len(tags) == MOST_TAGS for tags in bodies.tags)
+    assert bodies.bodies.lie_flat and len(bodies.bodies.pushable) == 2
+
+
+def test_goals_are_where_the_robot_reaches_and_the_same_for_each_run(file):
+    some, again = (list(islice(goals("block+bar", file, "ur5", 3), 6)) for _ in range(2))
+    assert some == again
+    for goal in some:
+        first, second = goal.places
+        assert np.hypot(*(first - second)) >= 0.2
+        assert {pose.tolerance for pose in goal.poses} == {0.02}
+        assert {round(pose.heading_tolerance, 9) for pose in goal.poses} == {0.1}
+
+
+def played(seconds, failure=""):
+    return {"seconds": seconds, "at_rest": 0.25, "busy": 0.5, "failure": failure}
+
+
+def test_the_page_has_our_times_beside_those_of_others(tmp_path):
+    times = tmp_path / "times.json"
+    write_json(times, {"objects": {"Block": {"times": [10.0, 20.0, 60.0]}}})
+    found = {
+        "trials": {
+            "ur5 tags block": {
+                "goals": [played(4.0), played(6.0), played(None, "120 s are over")],
+                "broken": ["limits {}"],
+            },
+            "ur5 tags jug": {"goals": [played(9.0)], "broken": ["limits {}"]},
+        },
+        "theirs": read_times(times),
+        "flat": {"block": "yes", "jug": "no"},
+        "made": {"commit": "abc", "processor": "a CPU", "seed": 0},
+    }
+    text = page(found)
+    assert (
+        "| block | yes | 2/3 | 5.0 | 5.0 | 5.8 | 6.0 | 20.0 | 30.0 | 52.0 | 60.0 | 0.25 |" in text
+    )
+    assert "| jug | no | 1/1 | 9.0 | 9.0 | 9.0 | 9.0 | - | - | - | - | - |" in text
+    assert "2 of 3 goals reached (66.7%)" in text and "block: 120 s are over" in text
+    assert read_times(tmp_path / "none.json") == {}
