@@ -27,7 +27,7 @@ def line(start: ndarray, end: ndarray, spacing: float = SPACING) -> Tips:
     return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start))
 
 
-def rounded(corners: Tips, size: float) -> Tips:
+def rounded(corners: Float[ndarray, "M 3"], size: float) -> Tips:
     """Return points (T, 3) on the lines between corners (M, 3), which are rounded on the way.
 
     A corner becomes a parabola that leaves its lines at most a `size` [m] before and after it; two
