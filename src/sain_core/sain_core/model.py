@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Final, Protocol, Self, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from numpy import ndarray
 
 from sain_core.errors import ConfigError, ModelUnavailableError, SainError
@@ -23,7 +23,7 @@ from sain_core.push import LENGTH
 from sain_core.scene import MASS
 from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import PushHistory
-from sain_core.types import Indices, PredictedScenes, Pushes, PushSequences, Scene, Scenes
+from sain_core.types import PredictedScenes, Pushes, PushSequences, Scene, Scenes
 from sain_core.world import MASSES, unknown_names
 
 Radii = Float[ndarray, "K H N"]
@@ -249,7 +249,7 @@ def check_step(
     return predicted
 
 
-def _alike(sequences: PushSequences) -> tuple[Indices, Indices]:
+def _alike(sequences: PushSequences) -> tuple[Int[ndarray, "G"], Int[ndarray, "K"]]:
     """Return one sequence of each group that is alike to the bit, and the group of each (K,)."""
     count, pushes, numbers = sequences.shape
     rows = np.ascontiguousarray(sequences).reshape(count, pushes * numbers)

@@ -133,7 +133,7 @@ class Way:
         return float(min(1.0, (robot.velocity / np.maximum(slope, 1e-12)).min() / self.speed))
 
 
-def _swept(most: Scalars, slope: Rows, bend: Rows, limits: Scalars, step: float) -> Scalars:
+def _swept(most: Scalars, slope: Rows, bend: Rows, limits: Vector, step: float) -> Scalars:
     """Return the highest squared speeds x (S,) from rest to rest, at most `most`.
 
     From one place to the next x grows by `step` u, and |slope u + bend x| <= limit (S - 1, L). With

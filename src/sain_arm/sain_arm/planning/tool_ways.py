@@ -9,8 +9,6 @@ from jaxtyping import Float
 from numpy import ndarray
 from scipy.sparse.csgraph import dijkstra
 
-from sain_core.types import Points
-
 Tips = Float[ndarray, "T 3"]  # [m] in the world
 Place = Float[ndarray, "2"]
 
@@ -73,8 +71,12 @@ def above(start: ndarray, end: ndarray, height: float, base: Place, size: float)
 
 
 def around(
-    start: Place, end: Place, bodies: Sequence[Points], radius: float, within: Float[ndarray, "2 2"]
-) -> Points | None:
+    start: Place,
+    end: Place,
+    bodies: Sequence[ndarray],
+    radius: float,
+    within: Float[ndarray, "2 2"],
+) -> Float[ndarray, "M 2"] | None:
     """Return the corners (M, 2) of the shortest way of a tool between bodies, or None.
 
     The way goes by corners of the bodies' hulls, grown by tool and gap: a visibility graph. At its

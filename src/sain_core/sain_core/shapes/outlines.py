@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import Float
+from numpy import ndarray
 
 from sain_core.config import check_number, check_numbers, check_text
 from sain_core.errors import ConfigError, DatasetError, UntrustedFileError
@@ -215,7 +217,7 @@ def _few(what: str, name: str, body: BodyOutline) -> BodyOutline:
     return replace(body, shape=left.shape, radius=left.radius, mended=(*body.mended, note))
 
 
-def few_corners(outline: Points, what: str = "the outline") -> tuple[Points, float]:
+def few_corners(outline: Float[ndarray, "M 2"], what: str = "the outline") -> tuple[Points, float]:
     """Return an outline (M, 2) [m] with as few corners as a shape may have, counter-clockwise.
 
     Returns:

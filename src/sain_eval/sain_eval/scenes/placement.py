@@ -5,6 +5,7 @@ from math import pi
 from typing import Final, NamedTuple
 
 import numpy as np
+from numpy import ndarray
 
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility, reachable
@@ -39,10 +40,10 @@ def has_room(point: Place, radius: float) -> bool:
     return bool(FEASIBILITY.table.contains(corners).all())
 
 
-def has_tool_room(points: Points, sizes: Scalars) -> Mask:
+def has_tool_room(points: Points, sizes: ndarray) -> Mask:
     """Tell where bodies lie on the table with room for the tool all around.
 
-    Points (..., 2) [m] are their centres, sizes (...,) [m] their circumscribed radii.
+    Points (..., 2) [m] are their centres, sizes [m] their circumscribed radii, which are broadcast.
     """
     table, reach, limits = FEASIBILITY.table, FEASIBILITY.reach, FEASIBILITY.limits
     edge = np.asarray(sizes + EDGE_ROOM)[..., None]
