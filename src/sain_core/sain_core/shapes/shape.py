@@ -18,7 +18,7 @@ from jaxtyping import Bool, Float
 from numpy import ndarray
 
 from sain_core.scene import DISK_HEIGHT, POSITION, RADIUS, THETA, unit, wrap_angle
-from sain_core.types import Angles, Indices, Mask, Points, Polygons, Scalars
+from sain_core.types import Angles, Mask, Points, Polygons, Scalars
 
 Pair = tuple[float, float]
 Vector = tuple[float, float, float]
@@ -236,8 +236,8 @@ class Outlines:
             np.array([one is None for one in outlines]),
         )
 
-    def at(self, numbers: Indices | int, locations: Angles) -> tuple[Points, Angles]:
-        """Return what `Outline.at` does, of outlines (...,) at locations (...,).
+    def at(self, numbers: ndarray | int, locations: Angles) -> tuple[Points, Angles]:
+        """Return what `Outline.at` does, of outlines at locations (...,); they are broadcast.
 
         Of round ones it means nothing: their normal is the location.
         """
