@@ -79,7 +79,7 @@ class PlanningDecider(Decider):
 
     What earlier pushes show is inferred beside the arm's motion. A prepared plan is corrected with
     what was inferred then: the latest push, which led about where it should, counts from the next
-    plan on. A surprise counts at once.
+    plan on. A surprise counts at once, and so does an episode's first push.
     """
 
     def __init__(
@@ -125,7 +125,8 @@ class PlanningDecider(Decider):
         if warning or config != self._planner.config:
             self._rest = replace(self._rest, prepared=None)
         is_prepared = self._rest.prepared_for(job.problem.goal, bool(job.problem.refused))
-        history = job.history if is_prepared is None else self._inferred
+        is_late = is_prepared is not None and self._inferred is not None and len(self._inferred) > 0
+        history = self._inferred if is_late else job.history
         model = self._following(history, job.problem.bodies)
         planner = self._planner = Planner(model, config, monitor.careful)
         if warning:
