@@ -83,14 +83,14 @@ def _summary(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
     times = _times(goals)
     at_rest = np.mean([goal["at_rest"] for goal in goals])
     busy = np.mean([goal["busy"] for goal in goals])
-    broken = sorted({text for one in ours.values() for text in one["broken"]})
+    reports = {text.rpartition(", tool")[0] for one in ours.values() for text in one["broken"]}
     failed = [f"{name}: {goal['failure']}" for name, one in ours.items()
               for goal in one["goals"] if goal["failure"]]  # fmt: skip
     lines = [
         f"Bodies that are flat: {len(times)} of {len(goals)} goals reached"
         f" ({len(times) / len(goals):.1%}), median {np.median(times):.1f} s, worst {max(times):.1f} s."
         f" No joint moved in {at_rest:.0%} of the time; {busy:.0%} of the cores was busy.",
-        f"Limits, contacts but the tool's, and looks at which the tool touched: {'; '.join(broken)}.",
+        f"Broken limits, and contacts but the tool's: {'; '.join(sorted(reports))}.",
         *([f"Not reached: {'; '.join(failed)}."] if failed else []),
     ]
     return "\n\n".join(lines)

@@ -75,9 +75,9 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
         "trials": {
             "ur5 tags block": {
                 "goals": [played(4.0), played(6.0), played(None, "120 s are over")],
-                "broken": ["limits {}"],
+                "broken": ["limits {}, contacts {}, tool 3"],
             },
-            "ur5 tags jug": {"goals": [played(9.0)], "broken": ["limits {}"]},
+            "ur5 tags jug": {"goals": [played(9.0)], "broken": ["limits {}, contacts {}, tool 3"]},
         },
         "theirs": read_times(times),
         "flat": {"block": "yes", "jug": "no"},
@@ -88,5 +88,6 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
         "| block | yes | 2/3 | 5.0 | 5.0 | 5.8 | 6.0 | 20.0 | 30.0 | 52.0 | 60.0 | 0.25 |" in text
     )
     assert "| jug | no | 1/1 | 9.0 | 9.0 | 9.0 | 9.0 | - | - | - | - | - |" in text
+    assert "contacts but the tool's: limits {}, contacts {}." in text
     assert "2 of 3 goals reached (66.7%)" in text and "block: 120 s are over" in text
     assert read_times(tmp_path / "none.json") == {}
