@@ -77,7 +77,9 @@ def test_the_loop_is_started_and_ends_at_the_goal(graph, whole):
     graph.wait(lambda: np.isfinite(state.curves.planned[1:]).all(), "all results")
     left = pytest.approx(1e3 * end.goal_distance)
     graph.wait(lambda: state.curves.distance[-1] == left, "the distance after the last push")
-    assert np.array_equal(state.result.after, state.scene.disks)
+    graph.wait(  # they come on two topics
+        lambda: np.array_equal(state.result.after, state.scene.disks), "the scene of the result"
+    )
     distance = pytest.approx(end.goal_distance)
     graph.wait(lambda: state.judge(state.scene.disks).distance == distance, "the last scene")
 
