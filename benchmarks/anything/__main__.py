@@ -31,7 +31,7 @@ from sain_core.provenance import git_commit, processor
 from sain_core.scene import RADIUS
 from sain_core.shapes.body_file import outlined_bodies
 from sain_core.shapes.library import own_bodies
-from sain_core.shapes.outlines import BodyOutline
+from sain_core.shapes.outlines import BodyOutline, slug_of
 from sain_eval.scenes.anything import ANYTHING, AnythingScenario
 from sain_model.compute.kernel_store import compile_visibly
 from sain_sim.bench.faults import NONE
@@ -163,7 +163,7 @@ def rows_of(
 def read_times(path: Path) -> dict[str, list[float]]:
     """Return times to goal [s] of others by body, where a file has them."""
     objects = read_json(path)["objects"] if path.exists() else {}
-    return {name.lower().replace(" ", "_"): one["times"] for name, one in objects.items()}
+    return {slug_of(name): one["times"] for name, one in objects.items()}
 
 
 def describe(played: Played) -> str:

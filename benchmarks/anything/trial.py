@@ -4,7 +4,6 @@ All processes are those that the owner of a robot runs. The arm's table keeps th
 goal's clock runs from its message to the first scene at rest within tolerance, as it is seen.
 """
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -12,9 +11,7 @@ from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
 from typing import Any, Final
-from unittest.mock import patch
 
-import domain_coordinator
 import numpy as np
 import psutil
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -24,19 +21,18 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from sain_bringup.bench import ROBOT, SERVER
+from benchmarks.faults.running import own_domain
+from sain_bringup.bench import SERVER
 from sain_bringup.graph import (
     MODEL,
     PLANNER,
-    RECORDER,
     SCENES,
     GraphOptions,
     graph_commands,
-    restart_command,
     ros_arguments,
 )
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.running import UNWATCHED
+from sain_bringup.running import start_commands
 from sain_core import wire
 from sain_core.errors import ErrorCode, SainError
 from sain_core.goal import Goal
@@ -219,21 +215,18 @@ def trial(options: GraphOptions, folder: Path) -> Iterator[Trial]:
     assert options.bench is not None
     options.bench.check()
     with ExitStack() as stack:
-        domain = stack.enter_context(domain_coordinator.domain_id())
-        stack.enter_context(patch.dict(os.environ, ROS_DOMAIN_ID=str(domain)))
+        stack.enter_context(own_domain())
         stack.enter_context(ros_context())
         supervisor = stack.enter_context(Supervisor(folder, UNHURRIED))
         client, executor = Client(), SingleThreadedExecutor()
         stack.callback(client.destroy_node)
         executor.add_node(client)
         stack.callback(executor.shutdown, 5.0)
-        for name, command in graph_commands(options, ros_arguments(()), folder).items():
-            shown = [word.replace("poses:=false", "poses:=true") for word in command]
-            variables = UNWATCHED if name == ROBOT else {}
-            again = restart_command(name, command)
-            supervisor.start(
-                name, shown if name == SERVER else command, variables, name == RECORDER, again
-            )
+        commands = graph_commands(options, ros_arguments(()), folder)
+        commands[SERVER] = [
+            word.replace("poses:=false", "poses:=true") for word in commands[SERVER]
+        ]
+        start_commands(supervisor, commands)
         run = Trial(supervisor, client, executor, read_bodies(options.bench.bodies_file))
         nodes = (MODEL, PLANNER, SCENES)
 

@@ -40,15 +40,13 @@ from sain_bringup.children import ProcessDiedError
 from sain_bringup.graph import (
     MODEL,
     PLANNER,
-    RECORDER,
     SCENES,
     GraphOptions,
     graph_commands,
-    restart_command,
     ros_arguments,
 )
 from sain_bringup.processes import UNHURRIED, Supervisor
-from sain_bringup.running import UNWATCHED
+from sain_bringup.running import start_commands
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.ros import codec
@@ -359,10 +357,7 @@ class Hall:
         self.supervisor = stack.enter_context(Supervisor(self._folder, UNHURRIED, NEVER))
         self.commands = graph_commands(options, ros_arguments(()), self._folder)
         del self.commands[SERVER]  # it is in this process
-        for name, command in self.commands.items():
-            variables = UNWATCHED if name == ROBOT else {}
-            again = restart_command(name, command)
-            self.supervisor.start(name, command, variables, name == RECORDER, again)
+        start_commands(self.supervisor, self.commands)
         nodes, good = (MODEL, PLANNER, SCENES), self.table.good
         self.wait(lambda: "reach_table" in good and not self.supervisor.starting(nodes), LONGEST)
         return self

@@ -3,6 +3,7 @@
 import sys
 import tempfile
 import time
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -118,11 +119,16 @@ def start(supervisor: Supervisor, options: GraphOptions, folder: Path) -> "Logs"
     """Start the processes of a graph, which keep their states in a folder; return their logs."""
     if options.see and options.bodies_file is None:
         write_seen_bodies(options, folder)
-    for name, command in graph_commands(options, ros_arguments(sys.argv[1:]), folder).items():
+    start_commands(supervisor, graph_commands(options, ros_arguments(sys.argv[1:]), folder))
+    return Logs([child.log for child in supervisor.children])
+
+
+def start_commands(supervisor: Supervisor, commands: Mapping[str, list[str]]) -> None:
+    """Start processes of a graph by their names, each as it is looked after and restarted."""
+    for name, command in commands.items():
         variables = UNWATCHED if name == ROBOT else {}
         again = restart_command(name, command)
         supervisor.start(name, command, variables, patient=name in PATIENT, again=again)
-    return Logs([child.log for child in supervisor.children])
 
 
 def write_seen_bodies(options: GraphOptions, folder: Path) -> None:

@@ -194,8 +194,8 @@ def _objects(path: Path, rows: object) -> dict[str, object]:
 
 
 def _slugs(path: Path, names: list[str]) -> list[str]:
-    """Return names of small letters, digits and '_'; what stands in brackets is left out."""
-    slugs = [re.sub(r"\W+", "_", re.sub(r"\(.*?\)", "", name).lower()).strip("_") for name in names]
+    """Return the names that bodies are given by; raises `DatasetError` for two of one name."""
+    slugs = [slug_of(name) for name in names]
     for number, slug in enumerate(slugs):
         if not slug:
             raise DatasetError(f"{path}: a body is called {names[number]!r}; a name needs a letter")
@@ -203,6 +203,11 @@ def _slugs(path: Path, names: list[str]) -> list[str]:
             both = f"{names[slugs.index(slug)]!r} and {names[number]!r}"
             raise DatasetError(f"{path}: two bodies are called {slug}: {both}; rename one")
     return slugs
+
+
+def slug_of(name: str) -> str:
+    """Return a name of small letters, digits and '_'; what stands in brackets is left out."""
+    return re.sub(r"\W+", "_", re.sub(r"\(.*?\)", "", name).lower()).strip("_")
 
 
 def _few(what: str, name: str, body: BodyOutline) -> BodyOutline:

@@ -85,11 +85,8 @@ def check_unchanged(first: Bodies, now: Bodies) -> None:
 
 def _height(number: int, body: Any) -> float:
     """Return how high a body is [m]: the highest of its parts, which all stand on the table."""
-    stated = [
-        part.dimensions[2 if int(part.type) == BOX else 0]
-        for part in body.parts
-        if len(part.dimensions) > (2 if int(part.type) == BOX else 0)
-    ]
+    places = ((part, 2 if int(part.type) == BOX else 0) for part in body.parts)
+    stated = [size for part, place in places for size in part.dimensions[place : place + 1]]
     height = round(max(stated, default=DISK_HEIGHT), DIGITS)
     if not LEAST_RADIUS <= height <= MOST_HEIGHT:  # also NaN
         raise OutOfRangeError(

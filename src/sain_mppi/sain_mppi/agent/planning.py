@@ -124,9 +124,8 @@ class PlanningDecider(Decider):
             dead_end = dead_end if is_sure else None
         if warning or config != self._planner.config:
             self._rest = replace(self._rest, prepared=None)
-        is_prepared = self._rest.prepared_for(job.problem.goal, bool(job.problem.refused))
-        is_late = is_prepared is not None and self._inferred is not None and len(self._inferred) > 0
-        history = self._inferred if is_late else job.history
+        prepared = self._rest.prepared_for(job.problem.goal, bool(job.problem.refused))
+        history = self._inferred if prepared is not None and self._inferred else job.history
         model = self._following(history, job.problem.bodies)
         planner = self._planner = Planner(model, config, monitor.careful)
         if warning:
