@@ -96,7 +96,7 @@ def play_all(options: Options, found: dict[str, Any], console: Console) -> Itera
     outlines = own_bodies(file)
     found["theirs"] = read_times(file.with_name(TIMES))
     found["flat"] = {name: one.fair for name, one in outlines.items()}
-    found["made"] = {"commit": git_commit(), "processor": processor(), "seed": options.seed}
+    made = {"commit": git_commit(), "processor": processor(), "seed": options.seed}
     trials = found.setdefault("trials", {})
     for robot, see, names in product(options.robots, options.see, options.bodies or outlines):
         key = f"{robot} {see} {names}"
@@ -116,7 +116,7 @@ def play_all(options: Options, found: dict[str, Any], console: Console) -> Itera
             for goal in islice(goals(names, file, robot, options.seed), done, options.goals):
                 played = run.reach(goal)
                 console.print(f"{key}: {describe(played)}", markup=False, highlight=False)
-                rows["goals"].append(played.row())
+                rows["goals"].append(played.row() | made)
                 yield found
         rows["broken"].append(run.report)
         yield found

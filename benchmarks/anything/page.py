@@ -1,6 +1,7 @@
 # ruff: noqa: E501 - lines of the page
 """docs/reference/anything.md, from the file of results: no number of it is written by hand."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final
 
@@ -25,6 +26,11 @@ and heights are those of their meshes. Both arms keep the limits of speed of the
 
 **Protocol.** Random goals one after another, 2 cm and 0.1 rad: x from 0.50 to 0.51 m, y within 0.30 m, any heading, where the tool
 finds room around the body. A goal's time runs from its message to the first scene at rest within tolerance, as the camera sees it.
+"""
+MADE: Final = """## Provenance
+
+A run that is interrupted continues, also with another commit. The seed is that of goals, masses and friction.
+
 """
 QUANTILE: Final = 90
 SEEN: Final = {"tags": "seen by tags", "outlines": "seen by outlines, without tags"}
@@ -97,5 +103,7 @@ def _summary(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
 
 
 def _made(found: Mapping[str, Any]) -> str:
-    made = found["made"]
-    return f"Commit {made['commit']}, on {made['processor']}. The seed of goals, masses and friction is {made['seed']}."
+    goals = [goal for trial in found["trials"].values() for goal in trial["goals"]]
+    made = Counter((str(goal["seed"]), goal["commit"], goal["processor"]) for goal in goals)
+    rows = [[str(count), *how] for how, count in made.items()]
+    return MADE + markdown_table(["goals", "seed", "commit", "processor"], rows)

@@ -64,8 +64,9 @@ def test_goals_are_where_the_robot_reaches_and_the_same_for_each_run(file):
         assert {round(pose.heading_tolerance, 9) for pose in goal.poses} == {0.1}
 
 
-def played(seconds, failure=""):
-    return {"seconds": seconds, "at_rest": 0.25, "busy": 0.5, "failure": failure}
+def played(seconds, failure="", commit="0123456789ab"):
+    made = {"commit": commit, "processor": "a CPU", "seed": 0}
+    return {"seconds": seconds, "at_rest": 0.25, "busy": 0.5, "failure": failure} | made
 
 
 def test_the_page_has_our_times_beside_those_of_others(tmp_path):
@@ -74,14 +75,17 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
     found = {
         "trials": {
             "ur5 tags block": {
-                "goals": [played(4.0), played(6.0), played(None, "120 s are over")],
+                "goals": [
+                    played(4.0, commit="fedcba987-dirty"),
+                    played(6.0),
+                    played(None, "120 s are over"),
+                ],
                 "broken": ["limits {}, contacts {}, tool 3"],
             },
             "ur5 tags jug": {"goals": [played(9.0)], "broken": ["limits {}, contacts {}, tool 3"]},
         },
         "theirs": read_times(times),
         "flat": {"block": "yes", "jug": "no"},
-        "made": {"commit": "abc", "processor": "a CPU", "seed": 0},
     }
     text = page(found)
     assert (
@@ -90,4 +94,6 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
     assert "| jug | no | 1/1 | 9.0 | 9.0 | 9.0 | 9.0 | - | - | - | - | - |" in text
     assert "contacts but the tool's: limits {}, contacts {}." in text
     assert "2 of 3 goals reached (66.7%)" in text and "block: 120 s are over" in text
+    assert "| 1 | 0 | fedcba987-dirty | a CPU |" in text
+    assert "| 3 | 0 | 0123456789ab | a CPU |" in text
     assert read_times(tmp_path / "none.json") == {}
