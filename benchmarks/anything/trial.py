@@ -48,6 +48,7 @@ START: Final = 120.0  # [s] for a graph to come up
 LONGEST: Final = 120.0  # [s] for a goal, then it has failed
 MOVES: Final = 0.01  # [rad/s], of a joint
 SPIN: Final = 0.02  # [s]
+TRUTH: Final = "truth"  # topic of the simulated poses
 ENDED: Final = (Plan.REACHED, Plan.NO_PUSH, Plan.EXHAUSTED)
 
 
@@ -97,7 +98,7 @@ class Client(Node):
             ("scene", SceneMessage, self._on_scene, RELIABLE),
             ("plan", Plan, self._on_news, QUEUE),
             ("push_result", PushResult, self._on_news, QUEUE),
-            ("poses", PoseArray, self._on_poses, RELIABLE),
+            (TRUTH, PoseArray, self._on_poses, RELIABLE),
             ("bench", String, self._on_report, RELIABLE),
             ("/joint_states", JointState, self._on_joints, RELIABLE),
             ("/diagnostics", DiagnosticArray, self._on_diagnostics, RELIABLE),
@@ -223,9 +224,8 @@ def trial(options: GraphOptions, folder: Path) -> Iterator[Trial]:
         executor.add_node(client)
         stack.callback(executor.shutdown, 5.0)
         commands = graph_commands(options, ros_arguments(()), folder)
-        commands[SERVER] = [
-            word.replace("poses:=false", "poses:=true") for word in commands[SERVER]
-        ]
+        # Not on `poses`: scene_node listens there, and the graph sees by its camera alone.
+        commands[SERVER] += ["-p", "poses:=true", "-r", f"poses:={TRUTH}"]
         start_commands(supervisor, commands)
         run = Trial(supervisor, client, executor, read_bodies(options.bench.bodies_file))
         nodes = (MODEL, PLANNER, SCENES)
