@@ -105,6 +105,13 @@ class Client(Node):
         ):
             self.create_subscription(kind, topic, hear, quality)
 
+    def starts(self) -> float:
+        """Forget what was before a goal; return its time [s]."""
+        self.plans.clear()
+        self.results.clear()
+        self.resting, self._last = 0.0, (time.monotonic(), False)
+        return self._last[0]
+
     def _on_news(self, message: Plan | PushResult) -> None:
         (self.plans if isinstance(message, Plan) else self.results).append(message)
 
@@ -160,11 +167,9 @@ class Trial:
         """Give a goal, and wait until it is reached or has failed."""
         client = self.client
         self.goals += 1
-        client.plans.clear()
-        client.results.clear()
         stamp = client.get_clock().now().to_msg()
         message = encode_goal(goal, stamp=stamp, goal_id=self.goals, episode_id=0, max_pushes=0)
-        began, resting = time.monotonic(), client.resting
+        began = client.starts()
         psutil.cpu_percent()
         client.goal.publish(message)
         reached_at = inf
@@ -188,7 +193,7 @@ class Trial:
             refused=len(client.results) - len(executed),
             off_mm=1e3 * judged.distance,
             off_degrees=float(np.degrees(judged.turn)),
-            at_rest=(client.resting - resting) / took,
+            at_rest=client.resting / took,
             busy=psutil.cpu_percent() / 100.0,
             failure=failure,
         )
