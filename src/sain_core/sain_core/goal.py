@@ -133,9 +133,14 @@ class Goal:
 
     def check(self, scene: Scene, bodies: Bodies, table: Table) -> None:
         """Check that these bodies can have these poses, on a table."""
+        self.check_bodies(bodies)
+        self.check_places(table)
+        self.check_room(scene, bodies)
+
+    def check_bodies(self, bodies: Bodies) -> None:
+        """Check that these bodies can have poses, and be kept, whatever the places are."""
         for pose in self.poses:
             self._check_pose(pose, bodies)
-        self.check_places(table)
         for body in self.keep:
             if not 0 <= body < len(bodies):
                 raise InvalidInputError(
@@ -143,7 +148,6 @@ class Goal:
                 )
             if body in self.wanted:
                 raise InvalidInputError(f"body {body} is to be kept and to be moved to a pose")
-        self._check_room(scene, bodies)
 
     def check_places(self, table: Table) -> None:
         """Check that all places are on the table; raise `OffTableError`."""
@@ -173,8 +177,10 @@ class Goal:
         if pose.body in bodies.fixed:
             raise InvalidInputError(f"body {pose.body} is fixed; it cannot be moved to a goal")
 
-    def _check_room(self, scene: Scene, bodies: Bodies) -> None:
-        """Check that no two bodies have to overlap, of those whose places are given.
+    def check_room(self, scene: Scene, bodies: Bodies, most: float = MOST_SHARED) -> None:
+        """Check that no two bodies have to overlap by more than `most` [m].
+
+        These are the bodies whose places are given, by a pose or as they are kept or fixed.
 
         A body may have any heading where none is given. It then covers its inscribed circle for
         sure, and no more is asked for.
@@ -191,7 +197,7 @@ class Goal:
         for index, body in enumerate(given):
             for other in (*given[:index], *self.keep, *bodies.fixed):
                 deep = overlap(placed, least, body, other)
-                if deep > MOST_SHARED:
+                if deep > most:
                     raise InvalidInputError(
                         f"the goal of body {body} overlaps {names[other]} {other} by"
                         f" {1e3 * deep:.1f} mm"

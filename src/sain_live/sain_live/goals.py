@@ -45,8 +45,7 @@ def check_goal(goal: Goal, scene: Scene, bodies: Bodies) -> None:
         UnreachableError: the arm cannot push a target there, from any side.
         InvalidInputError: into a body that stays where it is; all else that `Goal` checks.
     """
-    goal.check(scene, bodies, FEASIBILITY.table)
-    Problem(scene, goal, bodies, scene, FEASIBILITY).check_reach()
+    Problem(scene, goal, bodies, scene, FEASIBILITY).check_goal()
     placed = goal.placed(scene)
     for body in goal.wanted:
         for other, role in enumerate(bodies.roles):

@@ -65,6 +65,7 @@ def test_a_goal_that_cannot_be_served_gets_no_push(graph, straw, planner):
         assert (refused.status, ErrorCode(refused.error_code)) == (Plan.NO_PUSH, code)
         assert text in refused.error_message
         assert text in summary(refused)["message"]  # of /diagnostics
+    assert "; the nearest that is possible is (" in plan(graph, goal_id=2).error_message
     graph.aim(GOAL, 9)
     assert plan(graph, goal_id=9).push_id == nth_push(graph, 1).push_id
     assert len(graph.heard["push"]) == 1

@@ -9,7 +9,7 @@ from functools import partial
 from typing import Final
 
 from sain_core.config import MOST_SEED, Config, live_group, option
-from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, SainError
+from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, OffTableError, SainError
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.model import RolloutModel
 from sain_core.push import push_ids
@@ -194,14 +194,23 @@ class Agent:
             self._observe(scene)
 
     def _set_goal(self, event: GoalGiven) -> tuple[Action, ...]:
-        task = event.task
+        task, observed = event.task, self._tracker.observed
         self._tracker.set_goal(task, event.pushes)
         try:
-            task.goal.check_places(self.config.feasibility.table)  # the rest needs a scene
+            self._check_places(task, observed)
         except SainError as error:
             self._tracker.task = None
             return (Stop(task, StopReason.FAILED, error=error),)
         return ()
+
+    def _check_places(self, task: Task, observed: SceneObserved | None) -> None:
+        """Check that a goal is on the table, all that needs no scene; one tells what is nearest."""
+        try:
+            task.goal.check_places(self.config.feasibility.table)
+        except OffTableError:
+            if observed is not None:
+                self._problem(task, observed, observed)
+            raise
 
     def _observe(self, scene: SceneObserved) -> None:
         if scene.bodies_follow and scene.episode_id not in self._bodies:
@@ -273,14 +282,7 @@ class Agent:
         """Return the job of deciding on a scene; scene and goal are checked here, once."""
         tracker, count = self._tracker, len(observed.scene)
         assert tracker.start is not None
-        problem = Problem.of(
-            observed.scene,
-            task.goal.fitted(count),
-            self.bodies_of(observed.episode_id),
-            tracker.start.scene,
-            self.config.feasibility,
-        )
-        problem = replace(problem, refused=tracker.refused)
+        problem = replace(self._problem(task, observed, tracker.start), refused=tracker.refused)
         if (uncertainty := observed.uncertainty) is not None:
             uncertainty.check_tolerance(problem.goal)
             problem = replace(problem, shortest=SHORTEST * float(uncertainty.places.max()))
@@ -288,6 +290,11 @@ class Agent:
         if episode_id != observed.episode_id or history.disks != count:
             history = PushHistory.empty(count)
         return PlanJob(task, observed, problem, tracker.session, tracker.pushes, history)
+
+    def _problem(self, task: Task, observed: SceneObserved, start: SceneObserved) -> Problem:
+        """Return what a goal asks for in a scene; scene and goal are checked."""
+        goal, bodies = task.goal.fitted(len(observed.scene)), self.bodies_of(observed.episode_id)
+        return Problem.of(observed.scene, goal, bodies, start.scene, self.config.feasibility)
 
     def _take_estimate(self) -> None:
         """Take the scene that frames at rest show, once there are enough of them."""
