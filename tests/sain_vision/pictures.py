@@ -69,6 +69,17 @@ def take(
     return np.clip(seen, 0, 255).astype(np.uint8)
 
 
+def tilted(
+    camera: CameraModel, number: int, place: np.ndarray, turn: np.ndarray, size: float = SIZE
+) -> np.ndarray:
+    """Return a grey picture of one tag whose top has a place (3,) [m] and a rotation (3, 3)."""
+    plane = camera.matrix @ camera.rotation.T @ np.column_stack([turn[:, :2], place - camera.place])
+    picture = np.full((camera.height, camera.width, 3), 180.0)
+    hidden = np.zeros(picture.shape[:2], dtype=bool)
+    paint_tag(picture, Tag(number, size), plane, np.zeros(3), hidden)
+    return np.asarray(cv2.GaussianBlur(picture[..., 0], (0, 0), 0.8)).astype(np.uint8)
+
+
 def distorted(picture: np.ndarray, camera: CameraModel) -> np.ndarray:
     """Return a picture as the camera's lens shows it."""
     if not camera.distortion.any():

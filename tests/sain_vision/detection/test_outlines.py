@@ -1,5 +1,6 @@
 """Bodies without tags in depth images: exact, also where the arm hides a part, and held apart."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -80,6 +81,23 @@ def test_what_is_not_there_is_not_found(camera):
     sightings, problems = finder.find(look(camera, bare), CAMERA, {1: [START[1, POSE]]})
     assert [one.body for one in sightings] == [0]
     assert problems == ["body 1 (body_1) is not seen"]
+
+
+@pytest.mark.parametrize("height", [0.02, 0.1])
+def test_a_body_that_lies_on_its_side_is_named(height):
+    lies = Bodies.named(("disk", "box_2x1"), heights=(DISK_HEIGHT, height))
+    camera = image_camera(CONFIG, read_robot("paper_panda"), lies, RADII)
+    aside, arm = START.copy(), np.zeros((480, 640), dtype=bool)
+    aside[1, :2] += (0.03, 0.02)
+    depth = look(camera, aside)
+    known = {body: [START[body, POSE]] for body in (0, 1)}
+    sightings, (problem,) = OutlineFinder(FILE, OutlineConfig()).find(depth, CAMERA, known, arm=arm)
+    assert [one.body for one in sightings] == [0]
+    words = (
+        r"body 1 \(body_1\) is not seen; what stands where it was is (\d+) mm high, and its top 40"
+    )
+    assert float(re.match(words, problem)[1]) == pytest.approx(1e3 * height, abs=3.0)
+    assert "it may have tipped over; stand it up again" in problem
 
 
 def test_one_straight_edge_is_no_body():

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.errors import ConfigError
@@ -13,7 +14,7 @@ from sain_core.shapes.body_file import Tag
 from sain_vision.detection.sighting import Sighting
 from sain_vision.detection.tags import TagConfig, TagFinder, TagLocator
 from sain_vision.optics import CameraModel
-from tests.sain_vision.pictures import CAMERA, file_of, take
+from tests.sain_vision.pictures import CAMERA, HEIGHT, file_of, looking_at, take, tilted
 
 UNBIASED = {"place_bias": 0.0, "turn_bias": 0.0, "corner_noise": 0.03}
 LARGE = replace(CAMERA, width=3840, height=2160, matrix=np.diag([3.0, 3.0, 1.0]) @ CAMERA.matrix)
@@ -115,6 +116,32 @@ def test_what_is_wrong_is_named_and_not_published(file, shown, camera, text):
     assert len(problems) == 1 and text in problems[0]
     with pytest.raises(ConfigError, match=r"has tag 30; family 16h5 has the tags 0 to 29"):
         TagLocator(file_of((Tag(30),)), TagConfig(family="16h5"))
+
+
+def leaning(tilt: float, bearing: float) -> np.ndarray:
+    """Return a rotation by a tilt [degrees] towards a bearing [rad]."""
+    axis = np.array([-np.sin(bearing), np.cos(bearing), 0.0])
+    return Rotation.from_rotvec(np.radians(tilt) * axis).as_matrix()
+
+
+@pytest.mark.parametrize("eye", [(-0.05, 0.1, 0.85), (0.45, -0.05, 1.0)], ids=["oblique", "above"])
+@pytest.mark.parametrize("bearing", np.linspace(-3.0, 3.0, 7))
+@pytest.mark.parametrize("tilt", [0.0, 12.0, 20.0, 30.0, 45.0, 75.0])
+def test_a_tilted_body_is_named_or_held_back_and_never_at_a_wrong_place(tilt, bearing, eye):
+    """But for one that is tilted by twice the angle of sight, 60 degrees here: it looks flat."""
+    camera, top = looking_at(eye, (0.45, 0.0, HEIGHT)), np.array([0.42, 0.03, HEIGHT + 0.02])
+    if not tilt:
+        top[2] = HEIGHT
+    picture = tilted(camera, 0, top, leaning(tilt, bearing))
+    found, problems = locate(picture, file_of((Tag(0),)), camera)
+    assert tilt or (found and not problems)
+    for seen in found.values():
+        if seen.rotation is None:
+            assert tilt < 25.0 and np.hypot(*(seen.pose[:2] - top[:2])) < 0.003
+        else:
+            measured = np.degrees(np.arccos(seen.rotation[2, 2]))
+            assert tilt > 25.0 and measured == pytest.approx(tilt, abs=5.0)
+            assert f"body 0 (body_0) is tilted by {measured:.0f} degrees: it has" in problems[0]
 
 
 def drawn(number: int, family: str = "36h11", module: int = 10) -> np.ndarray:

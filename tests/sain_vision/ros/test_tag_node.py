@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 from rclpy.parameter import Parameter
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image, RegionOfInterest
 
 from sain_core import wire
 from sain_core.errors import ConfigError
+from sain_mppi.ros.mppi_node import MppiNode
 from sain_vision.ros.images import decode_grey
 from sain_vision.ros.scene_node import SceneNode
 from sain_vision.ros.tag_node import TagNode
-from tests.sain_vision.pictures import CAMERA, take
+from tests.sain_vision.pictures import CAMERA, take, tilted
 from tests.sain_vision.ros.conftest import FRAME
 
 POSES = np.array([(0.40, 0.1, 0.3), (0.5, -0.1, 2.0)])
@@ -49,6 +51,28 @@ def test_images_become_a_settled_scene(graph, camera_topics, bodies, picture):
     assert 0.0 < covariance[0, 0] < 0.002**2 and 0.0 < covariance[5, 5] < 0.02**2
     overlay = graph.heard["camera/overlay"][-1]
     assert (overlay.encoding, overlay.width, overlay.height) == ("bgr8", 1280, 720)
+
+
+def test_a_body_that_tips_over_is_named_and_the_planner_says_why_it_waits(
+    graph, camera_topics, bodies, picture
+):
+    graph.start(TagNode, bodies=bodies, max_age=20.0)
+    graph.start(SceneNode, noise="0.0005,0.005", bodies=bodies)
+    planner = graph.start(MppiNode, dynamics="in_process", model="planar", planner__samples=64)
+    camera_topics.place()
+    camera_topics.show_until(picture, lambda: graph.find("scene", settled=True), "a scene")
+    lean = Rotation.from_euler("y", 35.0, degrees=True).as_matrix()
+    tipped = tilted(CAMERA, 0, np.array([0.43, 0.1, 0.05]), lean)
+    tipped[:, 640:] = picture[:, 640:]  # the other body stands
+    text = "body 0 (mug) is tilted by 35 degrees: it has tipped over; stand it up again"
+    camera_topics.show_until(tipped, lambda: not graph.heard["scene"][-1].settled, "an end of rest")
+    graph.heard["scene"].clear()
+    graph.aim((0.5, 0.0), 1)
+    waits = f"waits for a scene at rest: the pose of {text}"
+    camera_topics.show_until(tipped, lambda: camera_topics.says(waits), "the planner's reason")
+    assert camera_topics.says(text) and planner.agent.pushes == 0
+    assert not graph.find("scene", settled=True)
+    camera_topics.show_until(picture, lambda: graph.find("plan", goal_id=1), "a plan")
 
 
 @pytest.mark.parametrize(

@@ -38,6 +38,8 @@ RANGES: Final = np.array(  # of the numbers of a body, far wider than those of a
 )
 UNITS: Final = ("m", "m", "rad", "m/s", "m/s", "rad/s", "kg", "m")
 UPRIGHT: Final = 0.9  # cosine of the largest tilt of a body, 25 degrees
+UPWARDS: Final = "; its z axis must point up"
+TIPPED: Final = ": it has tipped over; stand it up again, or correct its frame: z must point up"
 Place = Float[ndarray, "3"]
 Turn = Float[ndarray, "4"]  # quaternion x y z w
 
@@ -127,9 +129,9 @@ def _decode_goal_pose(message: Any) -> BodyPose:
     return replace(place, heading=float(message.heading), heading_tolerance=float(turn))
 
 
-def decode_pose(message: Any, what: str) -> Float[ndarray, "3"]:
+def decode_pose(message: Any, what: str, remedy: str = UPWARDS) -> Float[ndarray, "3"]:
     """Return x, y and heading (3,) of a ``Pose`` on the table; raises as the two that follow."""
-    return flat_pose(*check_pose(*_pose_numbers(message), what), what)
+    return flat_pose(*check_pose(*_pose_numbers(message), what), what, remedy)
 
 
 def _pose_numbers(message: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -149,13 +151,16 @@ def check_pose(place: Sequence[float], turn: Sequence[float], what: str) -> tupl
     return np.array(place), np.array(turn) / size
 
 
-def flat_pose(place: Place, turn: Turn, what: str) -> Float[ndarray, "3"]:
-    """Return x, y and heading (3,) of a body whose z axis points up."""
+def flat_pose(place: Place, turn: Turn, what: str, remedy: str = UPWARDS) -> Float[ndarray, "3"]:
+    """Return x, y and heading (3,) of a body whose z axis points up.
+
+    Raises `InvalidInputError`: it is tilted; with the remedy.
+    """
     x, y, z, w = turn.tolist()
     upright = 1.0 - 2.0 * (x * x + y * y)
     if upright < UPRIGHT:
         tilt = np.degrees(np.arccos(np.clip(upright, -1.0, 1.0)))
-        raise InvalidInputError(f"{what} is tilted by {tilt:.0f} degrees; its z axis must point up")
+        raise InvalidInputError(f"{what} is tilted by {tilt:.0f} degrees{remedy}")
     heading = atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
     return np.array([place[0], place[1], heading])
 

@@ -130,6 +130,11 @@ class Agent:
         return self._tracker.pushes
 
     @property
+    def waits_for_rest(self) -> bool:
+        """Whether a goal waits for a scene at rest, with no push of its own under way."""
+        return self._tracker.waits_for_rest
+
+    @property
     def early(self) -> int:
         """How many scenes wait for the bodies of their episode."""
         return len(self._early)

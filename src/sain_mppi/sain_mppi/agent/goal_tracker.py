@@ -133,6 +133,12 @@ class GoalTracker:
         """The id of the push whose result is waited for."""
         return None if self._awaited is None else self._awaited[0]
 
+    @property
+    def waits_for_rest(self) -> bool:
+        """Whether a goal waits for a scene at rest, with no push of its own under way."""
+        rests = self.observed is not None and self.observed.settled
+        return self.task is not None and not rests and self._latest not in self._unanswered
+
     def _result_is_under_way(self) -> bool:
         """Tell whether to wait for what became of the push that led to this scene.
 

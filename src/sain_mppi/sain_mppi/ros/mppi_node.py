@@ -118,7 +118,8 @@ class MppiNode(Node):
         self.plans = Plans(self, self.goals, self.notes, self.watch, self._model_of)
         self.driver = Driver(self, self.agent, self.plans, self.reception, self.watch)
         self._resume()
-        self.watch.begin(lambda: self.driver.update(TimePassed()))
+        look_again = partial(self.driver.update, TimePassed())
+        self.watch.begin(look_again, lambda: self.agent.waits_for_rest)
         self.ready = f"plans with {'a service' if self.remote else config.model}"
         self.ready += f", or else with {config.prior}"
 
@@ -128,8 +129,7 @@ class MppiNode(Node):
         listen(PushResult, "push_result", self._on_result, QUEUE)
         listen(Bodies, "shapes", self._on_bodies, LATCHED_QUEUE, self._ignore)
         listen(OccupancyGrid, "reach_table", self._on_reach, LATCHED)
-        if self.remote is not None:
-            listen(DiagnosticArray, "/diagnostics", self.remote.on_diagnostics, RELIABLE)
+        listen(DiagnosticArray, "/diagnostics", self._on_diagnostics, RELIABLE)
 
     def _resume(self) -> None:
         """Go on where another process was left."""
@@ -185,6 +185,11 @@ class MppiNode(Node):
         if self.agent.early > FEW:
             text = f"waits for the shapes of episode {message.episode_id}"
             self.diagnostics.set(WARN, text)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.watch.on_diagnostics(message)
+        if self.remote is not None:
+            self.remote.on_diagnostics(message)
 
     def _on_reach(self, message: OccupancyGrid) -> None:
         reach = wire.decode_reach(message)

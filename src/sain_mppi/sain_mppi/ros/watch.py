@@ -1,8 +1,11 @@
 """What a planner keeps for after a crash, and what no message says: who listens, who serves."""
 
 from collections.abc import Callable, Iterable
+from math import inf
+from time import monotonic
 from typing import Final
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 
@@ -11,7 +14,7 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.ros.ownership import find_second_publisher
 from sain_core.guarding.ros.state_file import StateFile, Subscribers, id_in, message_of, text_of
 from sain_core.ros.codec import decode_time
-from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
+from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, node_of, steady_timer
 from sain_core.world import PushRecord
 from sain_interfaces.msg import Goal, Plan, PushResult
 from sain_mppi.agent.agent import MOST_PUSHES
@@ -110,6 +113,8 @@ class Notes:
 LOOK_AGAIN: Final = 0.1  # [s] between looks for the model, and for messages that do not come
 LOOK_AROUND: Final = 1.0  # [s] between looks for who listens
 LOOK_FOR_PLANNERS: Final = 0.5  # [s] between looks for others
+SCENE_NODE: Final = "scene_node"
+SILENCE: Final = 3.0  # [s] after which what it reported is past
 NO_MODEL: Final = "no model is ready yet: plans use physics without learning"
 
 
@@ -124,12 +129,20 @@ class PeerWatch:
         before = notes.subscribers or int(notes.goal is not None)
         self._subscribers = Subscribers(node, "plan", before)
         self._conflict = ""
+        self._scenes = node.resolve_topic_name(SCENE_NODE)
+        self._trouble = -inf, ""  # when the source of scenes reported what is wrong, and what
+        self._waits = False  # for a scene at rest, as was reported
         self._starting = True  # until a model serves, or a plan says more
         diagnostics.set(WARN, NO_MODEL)
 
-    def begin(self, look_again: Callable[[], None]) -> None:
-        """Look from now on; `look_again` is called at each look."""
+    def begin(self, look_again: Callable[[], None], waits_for_rest: Callable[[], bool]) -> None:
+        """Look from now on.
+
+        `look_again` is called at each look; `waits_for_rest` tells whether a goal waits for a
+        scene at rest.
+        """
         steady_timer(self._node, LOOK_AGAIN, self._look)
+        steady_timer(self._node, LOOK_AGAIN, lambda: self._look_for_rest(waits_for_rest()))
         steady_timer(self._node, LOOK_AGAIN, look_again)
         steady_timer(self._node, LOOK_FOR_PLANNERS, self._look_for_planners)
         if self._notes.kept:
@@ -144,7 +157,7 @@ class PeerWatch:
 
     def report(self, level: bytes, message: str, **figures: object) -> None:
         """Report what became of a plan: it says more than the looks for a model."""
-        self._starting = False
+        self._starting = self._waits = False
         self._diagnostics.set(level, message, **figures)
 
     def _look(self) -> None:
@@ -154,6 +167,22 @@ class PeerWatch:
         elif self._starting and self._remote is not None:
             doing = self._remote.starting
             self._diagnostics.set(WARN, f"waits for the model: {doing}" if doing else NO_MODEL)
+
+    def on_diagnostics(self, message: DiagnosticArray) -> None:
+        """Take note of what the source of scenes reports."""
+        for status in message.status:
+            if node_of(status) == self._scenes:
+                self._trouble = monotonic(), "" if status.level == OK else status.message
+
+    def _look_for_rest(self, waits: bool) -> None:
+        """Report why a goal waits, as long as it does."""
+        since, trouble = self._trouble
+        if waits and trouble and monotonic() - since < SILENCE:
+            self._waits = True
+            self._diagnostics.set(WARN, f"waits for a scene at rest: {trouble}")
+        elif self._waits:
+            self._waits = False
+            self._diagnostics.set(OK, "ready")
 
     def _look_around(self) -> None:
         if self._subscribers.complete():

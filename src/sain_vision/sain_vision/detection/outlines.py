@@ -36,6 +36,7 @@ COARSE: Final = 48  # edges and marks that are compared before a fit
 MOST: Final = 160  # pixels of edges that are fitted: more are not more exact, and take longer
 MARKS: Final = 96  # places along an outline
 LEAST: Final = 0.01  # share of the edges' pixels that must tell of each direction
+TOP: Final = 0.95  # of the heights of what stands somewhere, that of its top
 ANY_TURN: Final = np.pi**2 / 3  # [rad^2], variance of a heading of which nothing is known
 
 Marks = Float[ndarray, "M 2"]  # [m], along an outline
@@ -101,7 +102,7 @@ class OutlineFinder:
         """
         points = camera.place + depth[..., None] * self._rays_of(camera)
         sightings: list[Sighting] = []
-        problems = []
+        missing: list[int] = []
         taken: list[tuple[Pose, float]] = []
         order = sorted(range(len(self._bodies.names)), key=lambda body: body not in known)
         edges = {height: self._edges(points, height, arm) for height in set(self._bodies.heights)}
@@ -112,11 +113,16 @@ class OutlineFinder:
                 starts = self._starts(body, seen, taken)
                 found = self._place(body, seen, starts, taken, SURE)
             if found is None:
-                problems.append(f"{self._bodies.called(body)} is not seen")
+                missing.append(body)
                 continue
             sightings.append(found)
             radius = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius
             taken.append((found.pose, 0.5 * radius))
+        problems = [
+            f"{self._bodies.called(body)} is not seen"
+            f"{self._tipped(body, points, known.get(body, ()), taken, arm)}"
+            for body in missing
+        ]
         groups = max(len(np.unique(one.groups)) for one in edges.values())
         if problems and everywhere and groups > MOST_GROUPS:
             problems.append(
@@ -124,6 +130,39 @@ class OutlineFinder:
                 f" the {MOST_GROUPS} largest were"
             )
         return sightings, problems
+
+    def _tipped(
+        self,
+        body: int,
+        points: Float[ndarray, "height width 3"],
+        known: Sequence[Pose],
+        taken: Sequence[tuple[Pose, float]],
+        arm: Bool[ndarray, "height width"] | None,
+    ) -> str:
+        """Return in words what stands where a body was, with another height; empty: nothing does.
+
+        Without a mask of the arm, what is higher than all tops may be the arm.
+        """
+        height, most = self._bodies.heights[body], 2 * self._config.height_error
+        reach = self._bodies.radii[body] * self._bodies.bodies.shapes[body].circumradius + height
+        heights = np.nan_to_num(points[..., 2], nan=-1.0)
+        stands = (heights > most) & ~_widened(self._high(heights) if arm is None else arm)
+        free = points[stands]
+        for pose, least in taken:  # half of a circumradius
+            free = free[np.linalg.norm(free[:, :2] - pose[:2], axis=1) > 2.5 * least]
+        for pose in known:
+            near = free[np.linalg.norm(free[:, :2] - pose[:2], axis=1) < reach, 2]
+            top = float(np.quantile(near, TOP)) if len(near) >= FEWEST else height
+            if abs(top - height) > most:
+                return (
+                    f"; what stands where it was is {1e3 * top:.0f} mm high, and its top"
+                    f" {1e3 * height:.0f} mm: it may have tipped over; stand it up again"
+                )
+        return ""
+
+    def _high(self, heights: Depth) -> Bool[ndarray, "height width"]:
+        """Return what is higher than all tops: a hand has no known geometry, and hides, too."""
+        return heights > max(self._bodies.heights) + 2 * self._config.height_error
 
     def _rays_of(self, camera: CameraModel) -> Float[ndarray, "height width 3"]:
         before = self._camera
@@ -141,8 +180,7 @@ class OutlineFinder:
         heights, error = np.nan_to_num(points[..., 2], nan=-1.0), self._config.height_error
         top = (np.abs(heights - height) < error).astype(np.uint8)
         top = cv2.morphologyEx(top, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-        # A hand has no known geometry: what is high hides, too.
-        high = heights > max(self._bodies.heights) + 2 * error
+        high = self._high(heights)
         hidden = _widened(high if arm is None else high | arm)
         unknown = _widened(heights < -0.5)
         contours, _ = cv2.findContours(top, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

@@ -27,6 +27,7 @@ class Sighting:
     covariance: Float[ndarray, "3 3"]  # (3, 3) of the pose
     outlines: Float[ndarray, "T C 2"]  # (T, C, 2) [px], what it was found by in the image
     score: float = 1.0  # share of what could be seen of it that was, 0 to 1
+    rotation: Float[ndarray, "3 3"] | None = None  # to the world, of one that has tipped over
 
 
 def draw_overlay(
@@ -42,7 +43,8 @@ def draw_overlay(
         state[:3], state[RADIUS] = seen.pose, bodies.radii[seen.body]
         flat = bodies.bodies.shapes[seen.body].placed(state)
         top = np.column_stack([flat, np.full(len(flat), bodies.heights[seen.body])])
-        draw_line(picture, camera.project(top), OUTLINE)
+        if seen.rotation is None:
+            draw_line(picture, camera.project(top), OUTLINE)
         for outline in seen.outlines:
             draw_line(picture, outline, FOUND)
         x, y = camera.project(np.array([[*seen.pose[:2], bodies.heights[seen.body]]]))[0]

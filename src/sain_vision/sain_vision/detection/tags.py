@@ -2,7 +2,8 @@
 
 The plane of the tags is known. So each corner is a ray that meets it at one place, and a body's
 pose in the plane is a weighted least squares of these places. That needs no pose of a tag in six
-dimensions, which flips between two solutions where a tag is small (apriltag_ros, issue 178).
+dimensions, which flips between two solutions where a tag is small (apriltag_ros, issue 178). Only
+where nothing in the plane fits, one tells whether a body has tipped over.
 
 A corner alone is as exact as the few pixels about it. A side of 35 pixels is a line through as
 many of them, so corners that are the ends of lines are several times as exact.
@@ -23,9 +24,10 @@ from sain_core.camera.decals import FAMILIES, tag_family
 from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.shapes.body_file import BodyFile, Tag
+from sain_core.wire import TIPPED, UPRIGHT
 from sain_vision.detection.planar_fit import fit_pose
 from sain_vision.detection.sighting import Sighting
-from sain_vision.optics import CameraModel, PlanePoints
+from sain_vision.optics import CameraModel, Pixels, PlanePoints
 
 SMALLEST: Final = 10  # [px], side of a tag whose bits can be read in a sharp image
 READABLE: Final = 16  # [px], the same with the blur of usual lenses
@@ -190,7 +192,10 @@ class TagLocator:
     def locate(
         self, found: Mapping[int, Sequence[Corners]], camera: CameraModel
     ) -> tuple[list[Sighting], list[str]]:
-        """Return the bodies whose tags were found, and in words what is wrong with others."""
+        """Return the bodies whose tags were found, and in words what is wrong with them or others.
+
+        One that has tipped over is among them, with its rotation.
+        """
         sightings: list[Sighting] = []
         problems = self._too_small(found, camera)
         for body, tags in enumerate(self._bodies.tags):
@@ -204,10 +209,8 @@ class TagLocator:
             elif seen:
                 corners = np.stack([found[tag.number][0] for tag in seen])
                 sighting, problem = self._fit(body, seen, corners, camera)
-                if sighting is not None:
-                    sightings.append(sighting)
-                else:
-                    problems.append(problem)
+                sightings += [] if sighting is None else [sighting]
+                problems += [problem] if problem else []
         return sightings, problems
 
     def _too_small(self, found: Mapping[int, Sequence[Corners]], camera: CameraModel) -> list[str]:
@@ -247,14 +250,45 @@ class TagLocator:
             )
         covariances = self._config.corner_noise**2 * spreads @ spreads.transpose(0, 2, 1)
         fit = fit_pose(np.concatenate([tag.corners() for tag in tags]), places, covariances)
+        score = len(tags) / len(self._bodies.tags[body])
         if fit.misfit > self._config.max_misfit:
+            if (tipped := self._tipped(body, tags, pixels, camera)) is not None:
+                pose, rotation, tilt = tipped
+                tilted = Sighting(body, pose, fit.covariance, corners, score, rotation)
+                return tilted, f"{name} is tilted by {tilt:.0f} degrees{TIPPED}"
             return None, (
                 f"the tags of {name} do not fit its file by {fit.misfit:.0f} standard deviations;"
                 f" at most {self._config.max_misfit:g} is allowed: {_sizes(tags, places)}; check"
-                " size, place and height, and the camera's pose"
+                " size, place and height, the camera's pose, and that it stands upright"
             )
-        score = len(tags) / len(self._bodies.tags[body])
         return Sighting(body, fit.pose, fit.covariance + self._bias, corners, score), ""
+
+    def _tipped(
+        self, body: int, tags: Sequence[Tag], pixels: Pixels, camera: CameraModel
+    ) -> tuple[Float[ndarray, "3"], Float[ndarray, "3 3"], float] | None:
+        """Return pose, rotation and tilt [degrees] of a body that has tipped over; None: it stands.
+
+        Its tags then have a pose in six dimensions. That of a small tag is one of two, mirrored at
+        the line of sight: both must be tilted, where both fit.
+        """
+        flat = np.concatenate([tag.corners() for tag in tags])
+        points, slopes = np.column_stack([flat, np.zeros(len(flat))]), camera.slopes(pixels)
+        _, turns, places, errors = cv2.solvePnPGeneric(
+            points, slopes, np.eye(3), np.zeros(0), flags=cv2.SOLVEPNP_IPPE
+        )
+        most = self._config.max_misfit * self._config.corner_noise / camera.matrix[0, 0]
+        fitting = [  # the best first
+            (camera.rotation @ cv2.Rodrigues(turn)[0], camera.rotation @ place[:, 0] + camera.place)
+            for turn, place, error in zip(turns, places, errors.ravel(), strict=True)
+            if error <= most
+        ]
+        if not fitting or max(rotation[2, 2] for rotation, _ in fitting) >= UPRIGHT:
+            return None
+        rotation, top = fitting[0]
+        middle = top - self._bodies.heights[body] / 2 * rotation[:, 2]
+        heading = np.arctan2(rotation[1, 0], rotation[0, 0])
+        tilt = float(np.degrees(np.arccos(rotation[2, 2])))
+        return np.array([*middle[:2], heading]), rotation, tilt
 
 
 def _sizes(tags: Sequence[Tag], places: PlanePoints) -> str:

@@ -16,6 +16,7 @@ from sain_core.ros import codec
 from sain_core.ros.markers import make_pose
 from sain_core.shapes.body_file import BodyFile
 from sain_vision.detection.sighting import Sighting
+from sain_vision.optics import turn_of
 from sain_vision.scene.body_track import Observed
 
 PLANAR: Final = np.array([0, 1, 5])  # x, y and the turn about z, of the six in a covariance
@@ -32,6 +33,9 @@ def encode_sightings(
     for seen in sightings:
         x, y, heading = seen.pose.tolist()
         pose = make_pose(x, y, bodies.heights[seen.body] / 2, heading)
+        if seen.rotation is not None:
+            turn = pose.orientation
+            turn.x, turn.y, turn.z, turn.w = turn_of(seen.rotation).tolist()
         result = ObjectHypothesisWithPose()
         result.hypothesis.class_id = bodies.bodies.shapes[seen.body].name
         result.hypothesis.score = float(seen.score)
@@ -62,7 +66,8 @@ def decode_detections(message: Any, bodies: BodyFile, frame: str) -> dict[int, O
         if body in seen:
             raise InvalidInputError(f"{bodies.called(body)} is in one message twice")
         best = max(one.results, key=lambda result: result.hypothesis.score)
-        pose = wire.decode_pose(best.pose.pose, f"the pose of {bodies.called(body)}")
+        what = f"the pose of {bodies.called(body)}"
+        pose = wire.decode_pose(best.pose.pose, what, wire.TIPPED)
         seen[body] = Observed(pose, _decode_covariance(best.pose.covariance, bodies.called(body)))
     return seen
 

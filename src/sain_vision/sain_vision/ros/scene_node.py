@@ -144,7 +144,8 @@ class SceneNode(Node):
         self._observe(seen, codec.decode_time(message.header.stamp))
 
     def _observed(self, body: int, pose: Any) -> Observed:
-        return Observed(wire.decode_pose(pose, f"the pose of {self.bodies.called(body)}"))
+        what = f"the pose of {self.bodies.called(body)}"
+        return Observed(wire.decode_pose(pose, what, wire.TIPPED))
 
     def _check_frame(self, message: PoseArray | PoseStamped) -> None:
         if message.header.frame_id != self.config.frame:

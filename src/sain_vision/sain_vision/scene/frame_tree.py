@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from sain_core.errors import InvalidInputError
 from sain_core.guarding.plugins import did_you_mean
-from sain_core.wire import Place, Turn, check_pose, decode_stamp, flat_pose
+from sain_core.wire import TIPPED, Place, Turn, check_pose, decode_stamp, flat_pose
 
 DEEPEST: Final = 32  # frames from a body to the world
 MOST_FRAMES: Final = 1000
@@ -66,7 +66,7 @@ class FrameTree:
         Raises `InvalidInputError`: as `transform`, or it is not upright.
         """
         place, turn, stamp = self.transform(frame)
-        return flat_pose(place, turn, f"frame {frame!r}"), stamp
+        return flat_pose(place, turn, f"frame {frame!r}", TIPPED), stamp
 
     def transform(self, frame: str) -> tuple[Place, Turn, float]:
         """Return place and turn of a frame in the root, and the oldest stamp on the way.
