@@ -86,7 +86,7 @@ faults: ## results/faults.md: what the graph makes of killed and stopped nodes, 
 real: ## results/real/: a page of errors on the real pushes at DATA=PATH; takes an hour, and continues after a stop
 	@./env python -m benchmarks.real $(if $(DATA),--data "$(DATA)") $(ARGS)
 
-anything: ## results/anything/: a page of times to goal of the bodies in DATA=PATH, by the whole graph in real time; takes hours, and continues after a stop
+anything: ## results/anything/: a page of times to goal and a film of the bodies in DATA=PATH, by the whole graph in real time; takes hours, and continues after a stop
 	@./env python -m benchmarks.anything $(if $(DATA),--data "$(DATA)") $(ARGS)
 
 dist: ## results/dist: sdist and wheel of this version, checked by twine and by an install

@@ -1,28 +1,24 @@
-"""``make anything DATA=PATH``: bodies of Push Anything to random goals, by the whole graph, timed.
-
-    ./env python -m benchmarks.anything --data ~/data/push_anything [--robots ur5] [--goals 20]
-
-Simulated arm, camera, vision, planner, model and recorder run in real time on this machine. An
-interrupted run continues. Writes results/anything/anything.md.
-"""
+"""``make anything DATA=PATH``: times in which the whole graph brings bodies to random goals."""
 
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count, islice, product
 from pathlib import Path
 from typing import Any, Final
 
-import tyro
 from rich.console import Console
 
 from benchmarks.anything import page
 from benchmarks.anything.bodies import MOST_TAGS, place_tags
+from benchmarks.anything.film import film
 from benchmarks.anything.trial import Played, trial
 from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_planner import PushPlanner
-from sain_bringup.graph import TAGS, GraphOptions
+from sain_bringup.graph import OUTLINES, TAGS, GraphOptions
+from sain_core.cli.arguments import read_options
+from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError, SainError
 from sain_core.goal import Goal
 from sain_core.guarding.documents import dump_yaml, read_json
@@ -38,50 +34,62 @@ from sain_sim.bench.faults import NONE
 from sain_sim.world.engines import MUJOCO
 from sain_sim.world.workcell import WorldConfig
 
-OUTLINES: Final = "objects.json"
+OBJECTS: Final = "objects.json"
 TIMES: Final = "times.json"
 RESULTS: Final = "results.json"
+PAGE: Final = "anything.md"
+FILM: Final = "anything.gif"
+FILMED: Final = ("letter_r", "letter_y", "push_t", "chicken_broth", "wood_block", "clamp")
 ROOM: Final = 0.025  # [m], for the tool around a body
 MOST_DRAWS: Final = 10_000  # of goals
 
 
 @dataclass(frozen=True)
-class Options:
-    """Which bodies, by which robots, seen how."""
+class Options(Config):
+    """Time how fast a simulated arm pushes bodies of Push Anything to random goals.
 
-    data: Path | None = None
-    """a file of outlines, or a folder with objects.json, and times.json of others"""
-    robots: tuple[str, ...] = ("ur5", "panda")
-    """names or files"""
-    see: tuple[str, ...] = (TAGS,)
-    """tags, or outlines"""
-    bodies: tuple[str, ...] = ()
-    """names such as letter_r, or letter_r+push_t for several on the table; none: each alone"""
-    goals: int = 20
-    """of each, one after another"""
-    seed: int = 0
-    """of goals, masses and friction"""
-    out: Path = Path("results/anything")
-    """folder of results, page and logs; an interrupted run continues with it"""
-    again: bool = False
-    """make the page again, from the results in the folder"""
-    overwrite: bool = False
-    """replace what others wrote there"""
+    Arm, camera, vision, planner, model and recorder run in real time on this machine. An
+    interrupted run continues. The results are a page, anything.md, and a film, anything.gif.
+    """
+
+    data: Path | None = option(
+        None, "file of outlines, or folder with objects.json, and times.json of others"
+    )
+    robots: tuple[str, ...] = option(("ur5", "panda"), "names or files of robots")
+    see: tuple[str, ...] = option((TAGS,), f"how bodies are seen: {TAGS}, {OUTLINES}, or both")
+    bodies: tuple[str, ...] = option(
+        (), "names; A+B are two bodies on one table; none: each body of the file alone"
+    )
+    goals: int = option(20, "of each trial, one after another", minimum=1)
+    seed: int = option(0, "of goals, masses and friction", minimum=0, maximum=MOST_SEED)
+    film: tuple[str, ...] = option(
+        FILMED, "bodies in the film, as --bodies has them; none: no film"
+    )
+    out: Path = option(
+        Path("results/anything"), "folder of results; a run continues with those in it"
+    )
+    again: bool = option(False, "make page and film again, from the results in the folder")
+    overwrite: bool = option(False, "replace what others wrote there")
 
 
 def main() -> int:
-    """Play what is not in the results yet, and write the page."""
-    options = tyro.cli(Options, description=__doc__)
+    """Play what is not in the results yet, and write page and film."""
     console = Console(stderr=True, soft_wrap=True)
-    path = options.out / RESULTS
     try:
-        claim_folder(options.out, (RESULTS,), options.overwrite)
+        options = read_options(Options, "python -m benchmarks.anything", sys.argv[1:])
+        claim_folder(options.out, (RESULTS, PAGE, FILM), options.overwrite)
+        path = options.out / RESULTS
+        if options.again and not path.exists():
+            raise ConfigError(f"there are no results in {options.out}; leave out --again")
         found: dict[str, Any] = read_json(path) if path.exists() else {}
         if not options.again:
             compile_visibly(console)
             for results in play_all(options, found, console):
                 write_json(path, results)
-        write_whole(options.out / "anything.md", page.page(found).encode())
+        write_whole(options.out / PAGE, page.page(found).encode())
+        if bags := recorded(options, found["trials"]):
+            console.print(f"rendering the film of {', '.join(bags)}", markup=False)
+            write_whole(options.out / FILM, film(bags))
     except SainError as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
@@ -92,7 +100,7 @@ def play_all(options: Options, found: dict[str, Any], console: Console) -> Itera
     """Play all trials that have no results yet; yield all results after each goal."""
     if options.data is None:
         raise ConfigError("outlines of bodies are needed: make anything DATA=PATH")
-    file = options.data / OUTLINES if options.data.is_dir() else options.data
+    file = options.data / OBJECTS if options.data.is_dir() else options.data
     outlines = own_bodies(file)
     found["theirs"] = read_times(file.with_name(TIMES))
     found["flat"] = {name: one.fair for name, one in outlines.items()}
@@ -104,7 +112,7 @@ def play_all(options: Options, found: dict[str, Any], console: Console) -> Itera
         done = len(rows["goals"])
         if done >= options.goals:
             continue
-        folder = options.out / "logs" / key.replace(" ", "-")
+        folder = folder_of(options, key)
         bodies = folder / "bodies.yaml"
         content = {"bodies": rows_of(file, names.split("+"), outlines, see)}
         write_whole(bodies, dump_yaml(content).encode())
@@ -120,6 +128,24 @@ def play_all(options: Options, found: dict[str, Any], console: Console) -> Itera
                 yield found
         rows["broken"].append(run.report)
         yield found
+
+
+def folder_of(options: Options, key: str) -> Path:
+    """Return the folder of the logs and bags of a trial."""
+    return options.out / "logs" / key.replace(" ", "-")
+
+
+def recorded(options: Options, trials: Iterable[str]) -> dict[str, tuple[Path, str]]:
+    """Return bags for the film, by titles, each with its robot; the last one of each trial.
+
+    What has none is left out. Of several robots, it is the one that came first.
+    """
+    found: dict[str, tuple[Path, str]] = {}
+    for names, key in product(options.film, trials):
+        robot, _, others = key.split(" ")
+        if names == others and (bags := sorted(folder_of(options, key).glob("bag-*"))):
+            found.setdefault(names.replace("_", " "), (bags[-1], robot))
+    return found
 
 
 def goals(names: str, file: Path, robot: str, seed: int) -> Iterator[Goal]:

@@ -31,6 +31,7 @@ from sain_bringup.graph import (
     graph_commands,
     ros_arguments,
 )
+from sain_bringup.movie import TRUTH
 from sain_bringup.processes import UNHURRIED, Supervisor
 from sain_bringup.running import start_commands
 from sain_core import wire
@@ -48,7 +49,6 @@ START: Final = 120.0  # [s] for a graph to come up
 LONGEST: Final = 120.0  # [s] for a goal, then it has failed
 MOVES: Final = 0.01  # [rad/s], of a joint
 SPIN: Final = 0.02  # [s]
-TRUTH: Final = "truth"  # topic of the simulated poses
 ENDED: Final = (Plan.REACHED, Plan.NO_PUSH, Plan.EXHAUSTED)
 
 

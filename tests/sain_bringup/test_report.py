@@ -1,6 +1,7 @@
 """Figures, moments and pictures of a run, made from episodes as a bag gives them."""
 
 from dataclasses import replace
+from functools import partial
 from io import BytesIO, StringIO
 from itertools import pairwise
 
@@ -12,12 +13,12 @@ from rich.console import Console
 from sain_bags.rows.episodes import Episode
 from sain_bags.rows.results import PlanRecord, RecordedPush
 from sain_bringup.display import Display
-from sain_bringup.movie import CAMERA, Moment, encode_gif, render
+from sain_bringup.movie import CAMERA, Moment, describe_distance, encode_gif, render
 from sain_bringup.report import PlayedEpisode, summary_table
 from sain_bringup.ros.progress import Progress
 from sain_core.goal import Goal, Judgement
 from sain_core.push import idle_pushes, make_push
-from sain_core.scene import make_scene, unit
+from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_sim.camera.renderer import Renderer
@@ -89,15 +90,15 @@ def judged(distance: float) -> Judgement:
 
 def moments(count: int, step: float) -> list[Moment]:
     return [
-        Moment(step * n, np.full(7, 0.1 * n), scene(0.4), judged(0.3 - 0.01 * n))
+        Moment(step * n, np.full(7, 0.1 * n), scene(0.4), judged(0.3 - 0.01 * n), True, step * n)
         for n in range(count)
     ]
 
 
 def test_the_gif_moves_and_ends_with_a_pause():
-    renderer = Renderer(WorldConfig().arm, Bodies.disks(2), (0.08, 0.06), CAMERA)
-    ring = GOAL + 0.08 * unit(np.linspace(0.0, 6.2, 72))
-    frames = render(renderer, moments(5, 0.1), ring, "paper 4")
+    bodies = Bodies.disks(2)
+    renderer = Renderer(WorldConfig().arm, bodies, (0.08, 0.06), CAMERA)
+    frames = render(renderer, bodies, moments(5, 0.1), partial(describe_distance, "paper 4"))
     with Image.open(BytesIO(encode_gif(frames))) as shown:
         assert (shown.n_frames, shown.size, shown.info["duration"]) == (5, (480, 360), 80)
         first = np.array(shown.convert("RGB")).astype(int)

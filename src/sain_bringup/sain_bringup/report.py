@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -16,17 +17,22 @@ from sain_bags.report.writing import write_page
 from sain_bags.rows.episodes import Episode, read_episodes
 from sain_bringup.display import Display
 from sain_bringup.graph import EPISODES_KEY, NAMESPACE_KEY, ROBOT_KEY
-from sain_bringup.movie import CAMERA, choose_moments, encode_gif, episode_moments, render
+from sain_bringup.movie import (
+    CAMERA,
+    choose_moments,
+    describe_distance,
+    encode_gif,
+    episode_moments,
+    render,
+)
 from sain_core.cli.terminal import FittingTable
 from sain_core.output import write_json, write_whole
-from sain_core.scene import RADIUS, unit
+from sain_core.scene import RADIUS
 from sain_core.shapes.bodies import Bodies
-from sain_core.view.scenes import goal_marks
 from sain_eval.scenes.scenarios import draw_scene
 from sain_sim.world.engines import DEFAULT_ROBOT
 
 LIVELY: Final = 8  # pushes: the moving picture shows the longest episode with no more than these
-CORNERS: Final = 72  # of a ring
 
 EpisodeSummary = dict[str, Any]
 
@@ -190,13 +196,8 @@ def make_film(bag: Bag, one: PlayedEpisode) -> list[Image.Image]:
     from sain_sim.camera.renderer import Renderer  # takes a second to load
 
     one = one.last_part()
-    assert one.episode.goal is not None
-    bodies, start = one.bodies, one.episode.start
-    mark = goal_marks(one.episode.goal, start, bodies)[0]
-    # The body has reached its place when it lies wholly inside the ring.
-    ring = (mark.body.radius + mark.tolerance) * unit(np.linspace(0.0, 2 * np.pi, CORNERS))
-    goal = mark.body.outline if mark.body.marked else mark.body.place + ring
+    radii = tuple(one.episode.start[:, RADIUS].tolist())
     robot = read_robot(bag.custom_data.get(ROBOT_KEY, DEFAULT_ROBOT))
-    renderer = Renderer(robot, bodies, tuple(start[:, RADIUS].tolist()), CAMERA)
+    renderer = Renderer(robot, one.bodies, radii, CAMERA)
     moments = choose_moments(episode_moments(bag, one.episode))
-    return render(renderer, moments, goal, one.title)
+    return render(renderer, one.bodies, moments, partial(describe_distance, one.title))

@@ -51,7 +51,7 @@ def test_the_goal_is_drawn_only_when_there_is_one(renderer):
     view, home = renderer
     bare, there = view.picture(home, SCENE), SCENE[0].copy()
     there[POSITION] = (0.8, -0.2)
-    marked = view.picture(home, SCENE, get_shape("t").placed(there))
+    marked = view.picture(home, SCENE, [get_shape("t").placed(there)])
     assert 5 < differ(marked, bare).sum() < 400
     assert np.array_equal(view.picture(home, SCENE), bare)
 

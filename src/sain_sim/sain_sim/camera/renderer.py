@@ -117,27 +117,27 @@ class Renderer:
         colour = _shaded(layer.colour, AMBIENT + DIRECT * layer.glow)
         return Drawing(colour, layer.depth, self._hides[layer.body])
 
-    def picture(self, joints: Vector, scene: Scene, goal: Points | None = None) -> Image:
+    def picture(self, joints: Vector, scene: Scene, goals: Sequence[Points] = ()) -> Image:
         """Return the same for people: smooth, with shadows, edges and how bodies are turned.
 
-        A goal is an outline (C, 2) [m] on the table.
+        Goals are outlines (C, 2) [m] on the table.
         """
         self.place(joints, scene)
         wide, high = self.camera.width, self.camera.height
         size = wide * OVERSAMPLING, high * OVERSAMPLING
-        layer = self._draw(*size, (MOVING, MARKS), goal)
+        layer = self._draw(*size, (MOVING, MARKS), goals)
         lit = cv2.resize(self._lit(layer.depth), size, interpolation=cv2.INTER_LINEAR)
         light = AMBIENT + DIRECT * layer.glow * lit
         drawn = _shaded(layer.colour, np.where(_edges(layer.body), INK * light, light))
         return np.asarray(cv2.resize(drawn, (wide, high), interpolation=cv2.INTER_AREA))
 
     def _draw(
-        self, width: int, height: int, groups: Sequence[int], goal: Points | None = None
+        self, width: int, height: int, groups: Sequence[int], goals: Sequence[Points] = ()
     ) -> _Layer:
         """Return the image as the robot and the bodies were placed."""
         self._resize(width, height)
         layer = _Layer(*(part.copy() for part in self._scenery))
-        if goal is not None:
+        for goal in goals:
             self._draw_goal(layer.colour, goal)
         where = self._silhouettes.draw(self.data, self._project, width, height, 2)
         hits = self._cast(self._rays[where], groups)
