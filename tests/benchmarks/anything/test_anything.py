@@ -92,8 +92,24 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
         "| block | yes | 2/3 | 5.0 | 5.0 | 5.8 | 6.0 | 20.0 | 30.0 | 52.0 | 60.0 | 0.25 |" in text
     )
     assert "| jug | no | 1/1 | 9.0 | 9.0 | 9.0 | 9.0 | - | - | - | - | - |" in text
-    assert "contacts but the tool's: limits {}, contacts {}." in text
-    assert "2 of 3 goals reached (66.7%)" in text and "block: 120 s are over" in text
+    assert "limit, and no part of the arm but the tool touched anything." in text
+    assert (
+        "2 of 3 goals were reached (66.7%), median 5.0 s, worst 6.0 s." in text
+        and "block: 120 s are over" in text
+    )
     assert "| 1 | 0 | fedcba987-dirty | a CPU |" in text
     assert "| 3 | 0 | 0123456789ab | a CPU |" in text
     assert read_times(tmp_path / "none.json") == {}
+
+
+def test_the_page_states_what_the_arm_broke_and_goals_of_which_none_is_reached():
+    failed, broken = played(None, "120 s are over"), "limits {'elbow': 2}, contacts {}, tool 3"
+    trials = {
+        "ur5 tags mug": {"goals": [failed], "broken": [broken, "limits {}, contacts {}, tool 0"]}
+    }
+    text = page({"trials": trials, "theirs": {}, "flat": {"mug": ""}})
+    assert (
+        "Exceeded limits, and contacts that must not be: limits {'elbow': 2}, contacts {}." in text
+    )
+    assert "0 of 1 goals were reached (0.0%). No joint" in text
+    assert "| mug | - | 0/1 | - |" in text
