@@ -3,6 +3,7 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
 from typing import Any, Final
 
 import numpy as np
@@ -27,8 +28,8 @@ images. The arms keep the limits of speed of their makers.
 **Protocol.** Random goals one after another, 2 cm and 0.1 rad: x from 0.50 to 0.51 m, y within 0.30 m, any heading, where the tool
 finds room around the body. A goal's time runs from its message to the first scene at rest within tolerance, as the camera sees it.
 
-**Columns.** Flat: whether a body of one cross-section is a fair model of the mesh. Times are seconds to a goal, over the goals that
-were reached; the columns after C3+ are theirs. The last column divides our median by theirs.
+**Columns.** Times are seconds to a goal, over the goals that were reached; those of C3+ stand beside ours. The ratio is our median over
+theirs. Flat: whether a body of one cross-section is a fair model of the mesh.
 """
 MADE: Final = """## Provenance
 
@@ -64,13 +65,13 @@ def _table(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
     for names, trial in ours.items():
         goals, theirs = trial["goals"], found["theirs"].get(names)
         times = _times(goals)
-        other = _numbers(theirs) if theirs else ["-"] * 4
         ratio = f"{np.median(times) / np.median(theirs):.2f}" if theirs and times else "-"
+        median, *others = zip(_numbers(times), _numbers(theirs or ()), strict=True)
         flat = found["flat"].get(names) or "-"
         solved = f"{len(times)}/{len(goals)}"
-        rows.append([names.replace("_", " "), flat, solved, *_numbers(times), *other, ratio])
-    header = ["body", "flat", "reached", "median [s]", "mean", f"{QUANTILE} %", "worst",
-              "C3+: median [s]", "mean", f"{QUANTILE} %", "worst", "ratio of medians"]  # fmt: skip
+        rows.append([names.replace("_", " "), solved, *median, ratio, *chain(*others), flat])
+    kinds = [[f"{kind} [s]", "C3+"] for kind in ("median", "mean", f"{QUANTILE} %", "worst")]
+    header = ["body", "reached", *kinds[0], "ratio", *chain(*kinds[1:]), "flat"]
     return markdown_table(header, rows)
 
 
