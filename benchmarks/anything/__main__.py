@@ -19,7 +19,7 @@ from sain_arm.planning.push_planner import PushPlanner
 from sain_bringup.graph import OUTLINES, TAGS, GraphOptions
 from sain_core.cli.arguments import read_options
 from sain_core.config import MOST_SEED, Config, option
-from sain_core.errors import ConfigError, SainError
+from sain_core.errors import ConfigError, DatasetError, SainError
 from sain_core.goal import Goal
 from sain_core.guarding.documents import dump_yaml, read_json
 from sain_core.output import claim_folder, write_json, write_whole
@@ -81,7 +81,7 @@ def main() -> int:
         path = options.out / RESULTS
         if options.again and not path.exists():
             raise ConfigError(f"there are no results in {options.out}; leave out --again")
-        found: dict[str, Any] = read_json(path) if path.exists() else {}
+        found = read_results(path)
         if not options.again:
             compile_visibly(console)
             for results in play_all(options, found, console):
@@ -94,6 +94,18 @@ def main() -> int:
         print(f"error: {error}", file=sys.stderr)
         return 1
     return 0
+
+
+def read_results(path: Path) -> dict[str, Any]:
+    """Return the results in a file, or none; raises `DatasetError`: of goals without a commit."""
+    found: dict[str, Any] = read_json(path) if path.exists() else {}
+    for key, rows in found.get("trials", {}).items():
+        if any("commit" not in goal for goal in rows["goals"]):
+            raise DatasetError(
+                f"{path} has goals of {key} without a commit: an earlier version played them, and"
+                " gave the planner exact poses; choose another --out"
+            )
+    return found
 
 
 def play_all(options: Options, found: dict[str, Any], console: Console) -> Iterator[dict[str, Any]]:

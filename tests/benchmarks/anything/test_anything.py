@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from shapely import Polygon, union_all
 
-from benchmarks.anything.__main__ import goals, read_times, rows_of
+from benchmarks.anything.__main__ import goals, read_results, read_times, rows_of
 from benchmarks.anything.bodies import MOST_TAGS, PAPER, place_tags
 from benchmarks.anything.page import page
+from sain_core.errors import DatasetError
 from sain_core.output import write_json
 from sain_core.scene import unit
 from sain_core.shapes.body_file import Tag, parse_bodies
@@ -113,3 +114,15 @@ def test_the_page_states_what_the_arm_broke_and_goals_of_which_none_is_reached()
     )
     assert "0 of 1 goals were reached (0.0%). No joint" in text
     assert "| mug | 0/1 | - | - | - |" in text
+
+
+def test_results_without_commits_are_refused(tmp_path):
+    path, goal = tmp_path / "results.json", played(4.0)
+    assert read_results(path) == {}
+    found = {"trials": {"ur5 tags mug": {"goals": [goal], "broken": []}}}
+    assert read_results(write_json(path, found)) == found
+    del goal["commit"]
+    with pytest.raises(
+        DatasetError, match=r"goals of ur5 tags mug without a commit.*another --out"
+    ):
+        read_results(write_json(path, found))
