@@ -9,12 +9,21 @@ from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_live.goals import check_goal
 from sain_live.requests import Reset
+from sain_live.settings import PageConfig
+from tests.sain_core.shapes.test_outlines import a_bar, objects
 from tests.sain_live.straw import AIM, BODIES, SCENE
 
 
 def test_a_reset_is_the_scene_of_the_scenario():
     case = Reset.draw("push_t", 3).case
     assert (case.scenario, case.seed, case.shapes) == ("push_t", 3, ("t",))
+
+
+def test_a_reset_has_bodies_of_a_file(tmp_path):
+    file = objects(tmp_path, a_bar(name="Can", height_m=0.06))
+    config = PageConfig(scenario="anything:can", outlines=str(file))
+    case = Reset.draw(config.scenario, 3, outlines=config.outlines_file).case
+    assert (case.scenario, case.heights) == ("anything:can", (0.06,))
 
 
 def test_what_cannot_be_is_refused_in_words():

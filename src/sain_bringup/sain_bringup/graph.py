@@ -23,6 +23,7 @@ from sain_core.push import PushLimits
 from sain_core.shapes.body_file import read_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
 from sain_core.world import MASSES, ObservationConfig, changed_settings
+from sain_eval.scenes.anything import is_anything
 from sain_lab.storage.laboratory import laboratory_path
 from sain_sim.bench.faults import FAULTS_HELP, parse_faults
 from sain_sim.world.engines import DEFAULT_ENGINE, DEFAULT_ROBOT, ENGINE_HELP, check_engine
@@ -39,6 +40,8 @@ SIMULATOR: Final = "simulator"
 SCENES: Final = "scenes"
 TAGS: Final = "tags"
 OUTLINES: Final = "outlines"
+OWN: Final = "own"  # as `sain_sim.ros.simulator` has it
+OUTLINES_HELP: Final = "file of outlines with the bodies of `anything`; without it, your own shapes"
 SEEN_NOISE: Final = {TAGS: "0.0005,0.005", OUTLINES: "0.001,0.01"}  # [m], [rad], of poses
 SEEING: Final = {TAGS: "tag_node", OUTLINES: "outline_node"}  # nodes
 DEPTH_IMAGES: Final = {"images.width": "640", "images.height": "480", "images.detail": "1.0"}
@@ -215,6 +218,13 @@ class GraphOptions(Config):
         if self.driver in ("", ELSEWHERE):
             return {}
         return {ROBOT: [*shlex.split(self.driver), "--ros-args", *ros]}
+
+
+def stated_bodies(scenario: str | None, outlines: Path | None) -> dict[str, str]:
+    """Return the simulator's parameter for a scenario with bodies of a file, or of the user."""
+    if scenario is None or not is_anything(scenario):
+        return {}
+    return {"outlines": OWN if outlines is None else str(outlines.absolute())}
 
 
 def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> dict[str, list[str]]:

@@ -97,7 +97,7 @@ def played_episodes(bag: Bag) -> tuple[PlayedEpisode, ...]:
     names = bag.custom_data.get(EPISODES_KEY, "").split()
     played = []
     for number, episode in enumerate(with_goal):
-        scenario, _, seed = names[number].partition(":") if number < len(names) else ("", "", "0")
+        scenario, _, seed = names[number].rpartition(":") if number < len(names) else ("", "", "0")
         played.append(PlayedEpisode(scenario, int(seed), episode))
     return tuple(played)
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Final, Self
 
 from sain_core.errors import ConfigError
@@ -32,15 +33,22 @@ class Reset:
     world: str = ""
 
     @classmethod
-    def draw(cls, name: str, seed: int, shape: str = AS_DRAWN, world: str = "") -> Self:
-        """Return the reset to a scene of a scenario, whose bodies have a shape.
+    def draw(
+        cls,
+        name: str,
+        seed: int,
+        shape: str = AS_DRAWN,
+        world: str = "",
+        outlines: Path | None = None,
+    ) -> Self:
+        """Return the reset to a scene of a scenario, whose bodies have a shape, or are of a file.
 
         Raises:
             ConfigError: no such scenario, or the shape of its bodies is not free.
         """
         if shape == AS_DRAWN:
-            return cls(draw_scene(name, seed), world)
-        scenario: Any = find_scenario(name)
+            return cls(draw_scene(name, seed, outlines), world)
+        scenario: Any = find_scenario(name, outlines)
         if isinstance(scenario, PoseScenario):
             return cls(replace(scenario, shape=shape).scene(seed), world)
         if isinstance(scenario, AnywhereScenario):

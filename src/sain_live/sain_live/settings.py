@@ -4,11 +4,12 @@ import errno
 import ipaddress
 import socket
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from sain_core.config import MOST_SEED, Config, FieldSetting, option, settings_of
 from sain_core.errors import BusyError, ConfigError
-from sain_eval.scenes.scenarios import check_in_graph
+from sain_eval.scenes.scenarios import check_scenario
 from sain_mppi.config import PlannerConfig
 
 NO_SCENARIO: Final = ""
@@ -26,6 +27,7 @@ class PageConfig(Config):
     scenario: str = option(
         NO_SCENARIO, "scenario to reset the scene to, once the simulator is there; empty: leave it"
     )
+    outlines: str = option("", "file of outlines with the bodies of `anything`; empty: your own")
     seed: int = option(0, "of that scene", minimum=0, maximum=MOST_SEED)
     bag: str = option(
         NO_BAG, "folder of a recording to play, in place of the graph; empty: the graph"
@@ -41,7 +43,12 @@ class PageConfig(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scenario != NO_SCENARIO:
-            check_in_graph(self.scenario)
+            check_scenario(self.scenario, self.outlines_file)
+
+    @property
+    def outlines_file(self) -> Path | None:
+        """The file of outlines; None: the user's own."""
+        return Path(self.outlines) if self.outlines else None
 
     @property
     def address(self) -> str:

@@ -12,6 +12,7 @@ from sain_bringup.ros.closed_loop import (
     what_is_left,
 )
 from sain_core.errors import ConfigError, OutputError
+from tests.sain_core.shapes.test_outlines import a_bar, objects
 
 DEMO = ClosedLoopOptions()
 
@@ -39,6 +40,18 @@ def test_the_demo_is_three_anywhere_one_paper_and_one_push_t() -> None:
 def test_options_that_make_no_sense(change, message):
     with pytest.raises(ConfigError, match=message):
         replace(DEMO, **change)  # type: ignore[arg-type]
+
+
+def test_bodies_of_a_file_need_it_and_an_engine_with_heights(tmp_path):
+    file = objects(tmp_path, a_bar(), a_bar(name="Can", height_m=0.06))
+    given = {"scenario": "anything:can", "outlines": file, "engine": "mujoco"}
+    options = replace(DEMO, **given)
+    assert options.plans == [("anything:can", 0)]
+    assert options.simulator()["outlines"] == str(file)
+    with pytest.raises(ConfigError, match="has bodies of own heights: add --engine mujoco"):
+        replace(options, engine="bullet")
+    with pytest.raises(ConfigError, match="body 'cam' is unknown"):
+        replace(options, scenario="anything:cam")
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "", "sim_node: {seed: 3}"])

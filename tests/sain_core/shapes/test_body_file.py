@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from sain_core.errors import ConfigError
-from sain_core.shapes.bodies import Role
-from sain_core.shapes.body_file import BodyFile, read_bodies
+from sain_core.scene import make_scene
+from sain_core.shapes.bodies import Bodies, Role
+from sain_core.shapes.body_file import BodyFile, read_bodies, write_tagged_bodies
+from sain_core.shapes.library import get_shape, own_bodies
+from sain_core.shapes.shape import FLAT
+from tests.sain_core.shapes.test_outlines import a_bar, objects
 
 TWO = """
 bodies:
@@ -96,3 +100,14 @@ def test_what_is_wrong_is_named(tmp_path, text, message):
 def test_radius_and_mass_may_have_an_exponent(tmp_path):
     bodies = read(tmp_path, "bodies: [{shape: disk, radius: 8e-2, mass: 1e0, topic: /mocap/a_1}]")
     assert (bodies.radii, bodies.masses, bodies.topics) == ((0.08,), (1.0,), ("/mocap/a_1",))
+
+
+def test_a_file_that_is_written_is_read_back_with_shapes_of_a_file(tmp_path):
+    (name, one), *_ = own_bodies(objects(tmp_path, a_bar())).items()
+    bodies = Bodies((one.shape.on(FLAT), get_shape("t:flat")), heights=(0.06, 0.04))
+    scene = make_scene(np.zeros((2, 2)), np.full(2, 1.0), np.array([one.radius, 0.1]))
+    path, sources = tmp_path / "bodies.yaml", {one.shape.name: f"{tmp_path}/objects.json:{name}"}
+    write_tagged_bodies(path, scene, bodies, sources)
+    read = read_bodies(path)
+    assert (read.bodies.shapes, read.heights) == (bodies.shapes, bodies.tops)
+    assert (read.radii, read.masses) == (tuple(scene[:, 7]), (1.0, 1.0))

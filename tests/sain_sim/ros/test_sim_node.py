@@ -10,19 +10,24 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
+from sain_bringup.ros.director import reset_request
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.push import make_push
 from sain_core.ros import codec
 from sain_core.scene import make_scene
+from sain_core.wire.bodies import decode_bodies
+from sain_eval.scenes.scenarios import draw_scene
 from sain_interfaces.msg import DiskState, Prediction
 from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TruthConfig
 from tests.rviz import shown
+from tests.sain_core.shapes.test_outlines import a_bar, objects
 
 AHEAD = (0.0, 0.0, 0.1)
+RESET = ("seed", "disks", "shapes", "roles", "friction")
 MASS, RADII = np.full(4, 8.0), np.full(4, 0.06)
 
 
@@ -236,6 +241,18 @@ def test_a_wrong_reset_changes_nothing(graph, simulator):
         assert response.scene == scene
     graph.push(scene, 31, AHEAD)
     assert graph.result(31).error_code == ErrorCode.OK
+
+
+def test_bodies_of_a_file_have_its_heights_and_centres_of_mass(graph, tmp_path):
+    centre = {"com_uniform_density_minus_centroid_m": [0.004, 0.0]}
+    file = objects(tmp_path, a_bar(**centre), a_bar(name="Can", height_m=0.06))
+    case = draw_scene("anything:letter_i+can", 0, file)
+    node = graph.start(SimNode, engine="mujoco", outlines=str(file), shadow=False)
+    graph.reset(**{name: getattr(reset_request(case), name) for name in RESET})
+    drawn, given = node.simulator.parameters, case.parameters()
+    assert (drawn.heights, drawn.mass_offsets) == (given.heights, given.mass_offsets)
+    graph.wait(lambda: graph.find("shapes", episode_id=2), "its shapes")
+    assert decode_bodies(graph.find("shapes", episode_id=2)[0]).tops == (0.05, 0.06)
 
 
 def test_the_clock_never_goes_back_also_over_a_reset(graph, simulator):

@@ -216,7 +216,7 @@ def episode_titles(bag: Bag, parts: Sequence[EpisodePart]) -> list[str]:
     titles, name = [], ""
     for part in parts:
         if part.goal <= 1:
-            name = next(rest).replace(":", " ") if part.has_goal else ""
+            name = " ".join(next(rest).rsplit(":", 1)) if part.has_goal else ""
         graph = (part.namespace or "/") if several else ""
         goal = f"goal {part.goal} of {part.goals}" if part.goals > 1 else ""
         goal = goal if part.goal else "no goal yet"

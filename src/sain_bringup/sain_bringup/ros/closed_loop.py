@@ -15,10 +15,12 @@ from sain_bringup.display import Display
 from sain_bringup.graph import (
     EPISODES_KEY,
     NAMESPACE_KEY,
+    OUTLINES_HELP,
     RECORDINGS,
     ROBOT_KEY,
     GraphOptions,
     absent,
+    stated_bodies,
 )
 from sain_bringup.interrupts import Interrupts, Stopped
 from sain_bringup.processes import UNHURRIED, Supervisor
@@ -72,6 +74,7 @@ class ClosedLoopOptions(GraphOptions):
         None,
         f"one of {', '.join(SCENARIOS)}, or of an installed package; by default those of the demo",
     )
+    outlines: Path | None = option(None, OUTLINES_HELP)
     seed: int = option(
         0, "seed of the first episode; the next one has the next seed", minimum=0, maximum=MOST_SEED
     )
@@ -97,7 +100,7 @@ class ClosedLoopOptions(GraphOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scenario is not None:
-            check_in_graph(self.scenario)
+            check_in_graph(self.scenario, self.outlines, self.engine)
 
     @property
     def plans(self) -> list[tuple[str, int]]:
@@ -125,7 +128,7 @@ class ClosedLoopOptions(GraphOptions):
 
     def simulator(self) -> dict[str, str]:
         """Have the arm move all the way, for whom watches the recording."""
-        return {"cell.full_motion": "true"}
+        return {"cell.full_motion": "true"} | stated_bodies(self.scenario, self.outlines)
 
 
 def describe(options: ClosedLoopOptions) -> str:
@@ -154,7 +157,7 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
 
     interrupts, display = Interrupts(), Display(console)
     if options.robot != DEFAULT_ROBOT:
-        cases = [draw_scene(scenario, seed) for scenario, seed in options.plans]
+        cases = [draw_scene(*plan, options.outlines) for plan in options.plans]
         check_reach(options.robot, cases)
     folder = make_output_folder(options)
     options = replace(options, out=folder)
@@ -243,7 +246,7 @@ def play(
     from sain_bringup.ros.progress import Progress
 
     with display.stage("starting the graph", "simulator, model, planner and recorder are up"):
-        sight = (folder / LOGS, options.see) if options.see else None
+        sight = (folder / LOGS, options.see, options.outlines) if options.see else None
         director = Director(check, options.timeout, supervisor, sight, display.note)
         start(supervisor, options, folder / LOGS)
         names = [child.name for child in supervisor.children]
@@ -253,7 +256,8 @@ def play(
     for number, (scenario, seed) in enumerate(options.plans, start=1):
         with display.episode():
             progress = Progress(display, f"{number}/{len(options.plans)}  {scenario} {seed}")
-            director.play(draw_scene(scenario, seed), options.tolerance, progress)
+            case = draw_scene(scenario, seed, options.outlines)
+            director.play(case, options.tolerance, progress)
         progress.end()
 
 

@@ -32,6 +32,7 @@ from sain_core.ros.codec import encode_disks, encode_goal
 from sain_core.ros.node_main import NAMESPACE, SIMULATED, node_of
 from sain_core.ros.qos import LATCHED, RELIABLE
 from sain_core.shapes.body_file import write_tagged_bodies
+from sain_core.shapes.library import own_bodies
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_interfaces.msg import Goal, Plan, PushResult, Scene
@@ -46,9 +47,15 @@ SILENT: Final = 10.0  # [s] without any news, after which a goal is given again 
 class Sight:
     """What a director does beyond resets where bodies are seen. All calls return at once."""
 
-    def __init__(self, node: Node, folder: Path, see: str) -> None:
-        """Write files of bodies into a folder, for the nodes that see them in this way."""
-        self.see = see
+    def __init__(self, node: Node, folder: Path, see: str, outlines: Path | None = None) -> None:
+        """Write files of bodies into a folder, for the nodes that see them in this way.
+
+        Shapes may be of a file of outlines.
+        """
+        self.see, self._sources = see, {}
+        if outlines is not None:
+            known = own_bodies(outlines).items()
+            self._sources = {one.shape.name: f"{outlines.absolute()}:{name}" for name, one in known}
         self._folder, self._count = folder, 0
         self._clients = [
             AsyncParameterClient(node, node.resolve_topic_name(name)) for name in seeing_nodes(see)
@@ -63,7 +70,8 @@ class Sight:
         self._count += 1
         path = (self._folder / f"bodies_{self._count}.yaml").absolute()
         for one in (path, self._folder / SEEN_BODIES):  # the latter for a node that is restarted
-            write_tagged_bodies(one, case.disks, case.bodies)
+            bodies = replace(case.bodies, heights=case.heights)
+            write_tagged_bodies(one, case.disks, bodies, self._sources)
         self._episode, self._answered = 0, False
         given = [Parameter("bodies", value=str(path))]
         self._replies = [client.set_parameters(given) for client in self._clients]
@@ -108,15 +116,15 @@ class Director(Node):
         check: Callable[[], None],
         timeout: float,
         supervisor: Supervisor,
-        sight: tuple[Path, str] | None = None,
+        sight: tuple[Path, str, Path | None] | None = None,
         show: Callable[[str], None] | None = None,
     ) -> None:
         """Join the graph. Wait for any one thing no longer than the timeout [s].
 
         While waiting, `check` is called again and again; it raises when the graph is broken. It
         may have the supervisor restart processes of the graph. Where bodies are seen by a camera,
-        `sight` is a folder for their files, and by what they are seen. Once the graph is up,
-        `show` prints what keeps it from working.
+        `sight` is a folder for their files, by what they are seen, and a file of their outlines.
+        Once the graph is up, `show` prints what keeps it from working.
 
         Raises:
             BusyError: another graph runs already.

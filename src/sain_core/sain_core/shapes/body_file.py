@@ -34,7 +34,7 @@ from sain_core.shapes.outlines import (
     BodyOutline,
     named_outlines,
 )
-from sain_core.shapes.shape import FLAT, Shape
+from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Shape
 from sain_core.types import Points, Scene
 
 T = TypeVar("T")
@@ -173,25 +173,35 @@ def outlined_bodies(
     return parse_bodies({"bodies": rows})
 
 
-def write_tagged_bodies(path: Path, scene: Scene, bodies: Bodies) -> None:
+def write_tagged_bodies(
+    path: Path, scene: Scene, bodies: Bodies, sources: Mapping[str, str] | None = None
+) -> None:
     """Write the file of bodies (N, 8) of which each has the tag with its own number in the middle.
 
-    It is as sizes and masses are known in a simulator.
+    It is as sizes and masses are known in a simulator. Shapes that are read from a file have it as
+    their source, by their names: ``FILE:BODY``.
     """
     rows = [
         {
             "name": f"body_{body}",
-            "shape": shape.name,
+            "shape": _source(shape, sources),
+            "height": float(top),
             "role": str(role),
             "radius": float(state[RADIUS]),
             "mass": float(state[MASS]),
             "tags": body,
         }
-        for body, (shape, role, state) in enumerate(
-            zip(bodies.shapes, bodies.roles, scene, strict=True)
+        for body, (shape, role, top, state) in enumerate(
+            zip(bodies.shapes, bodies.roles, bodies.tops, scene, strict=True)
         )
     ]
     path.write_text(dump_yaml({"bodies": rows}))
+
+
+def _source(shape: Shape, sources: Mapping[str, str] | None) -> str:
+    """Return where a shape is found, by its name or in a file, with its bottom."""
+    name = shape.on(FEET).name
+    return (sources or {}).get(name, name) + FLAT_MARK * shape.lies_flat
 
 
 def _check_unique(key: str, values: Sequence[Any]) -> None:

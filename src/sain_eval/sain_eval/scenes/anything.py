@@ -17,14 +17,13 @@ import numpy as np
 
 from sain_core.errors import ConfigError
 from sain_core.randomness import generator
-from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import outline_folder, own_bodies, register
 from sain_core.shapes.outlines import NO, BodyOutline, named_outlines
 from sain_core.shapes.shape import FLAT
 from sain_eval.scenes.families import POSE_PUSHES, PUSHES_PER_BODY, Drawn, ScenarioScene
 from sain_eval.scenes.placement import Strip, draw_in_strips
-from sain_sim.world.parameters import LEAST_HEIGHT
+from sain_sim.world.parameters import stated_by
 
 ANYTHING: Final = "anything"
 SMALL: Final = 0.075  # [m], circumscribed radius up to which a body is small
@@ -79,7 +78,7 @@ class AnythingScenario:
         drawn = _drawn(bodies, random)
         strips = [_strip(size) for size in drawn.sizes.tolist()]
         disks = drawn.turned(draw_in_strips(drawn.sizes, strips, APART, random), random)
-        kinds = Bodies.named(drawn.shapes)
+        kinds, (heights, mass_centres) = Bodies.named(drawn.shapes), stated_by(bodies)
         while True:
             places = draw_in_strips(drawn.sizes, strips, APART, random)
             goal = drawn.goal(places, random.uniform(-pi, pi, len(bodies)))
@@ -92,10 +91,8 @@ class AnythingScenario:
             goal,
             max_pushes=POSE_PUSHES if len(bodies) == 1 else PUSHES_PER_BODY * len(bodies),
             roles=(Role.PUSHABLE,) * len(bodies),
-            heights=tuple(max(one.height or DISK_HEIGHT, LEAST_HEIGHT) for one in bodies),
-            mass_centres=tuple(one.mass_centre or (0.0, 0.0) for one in bodies)
-            if any(one.mass_centre for one in bodies)
-            else (),
+            heights=heights,
+            mass_centres=mass_centres,
         )
 
 

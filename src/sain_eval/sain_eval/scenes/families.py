@@ -39,7 +39,6 @@ from sain_sim.world.parameters import (
     WorldParameters,
     sample_parameters,
 )
-from sain_sim.world.roughness import Roughness
 from sain_sim.world.truth import RANDOMISED_TRUTH, TruthConfig
 
 MAX_PUSHES: Final = 15  # paper section II-D
@@ -84,12 +83,7 @@ class ScenarioScene:
         """Return the simulated world that this scene plays in."""
         shapes = check_shapes(self.shapes)
         parameters = WorldParameters.of_scene(self.disks, self.friction, shapes, self.roles)
-        if self.mass_centres:
-            about = zip(self.mass_centres, parameters.radii, strict=True)
-            offsets = tuple((x / radius, y / radius) for (x, y), radius in about)
-            parameters = replace(parameters, roughness=Roughness(mass_offsets=offsets))
-        parameters = replace(parameters, heights=self.heights)
-        return self.truth.roughen(parameters)
+        return self.truth.roughen(parameters.with_stated(self.heights, self.mass_centres))
 
 
 CONTACT_GAP: Final = 0.001  # [m], "touching": as near as disks can be set without overlap

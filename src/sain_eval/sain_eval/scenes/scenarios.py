@@ -7,12 +7,13 @@ from typing import Final, Protocol, runtime_checkable
 
 from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.plugins import Plugins
-from sain_core.scene import DISK_HEIGHT, Table
+from sain_core.scene import Table
 from sain_core.shapes.bodies import check_bodies
 from sain_core.shapes.outlines import NO
 from sain_eval.scenes import families
 from sain_eval.scenes.anything import ANYTHING, AnythingScenario, is_anything
 from sain_eval.scenes.families import ScenarioScene
+from sain_sim.world.engines import BULLET, MUJOCO
 
 
 @runtime_checkable
@@ -69,14 +70,11 @@ def check_scenario(name: str, outlines: Path | None = None) -> None:
         OFFERED.check(name)
 
 
-def check_in_graph(name: str) -> None:
+def check_in_graph(name: str, outlines: Path | None, engine: str) -> None:
     """Check that the graph can play a scenario of this name; raises `ConfigError`."""
-    if is_anything(name):
-        raise ConfigError(
-            f"scenario {name!r} is not for the graph, whose bodies are all {1e3 * DISK_HEIGHT:g} mm"
-            " high; play it with `sain evaluate`, or as sain/Push-v0"
-        )
-    OFFERED.check(name)
+    check_scenario(name, outlines)
+    if is_anything(name) and engine == BULLET:
+        raise ConfigError(f"scenario {name!r} has bodies of own heights: add --engine {MUJOCO}")
 
 
 def find_scenario(name: str, outlines: Path | None = None) -> Scenario:

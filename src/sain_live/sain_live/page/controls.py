@@ -85,9 +85,9 @@ class ControlsView:
 
     def _add_episode(self, config: PageConfig) -> None:
         gui = self._gui
-        self._scenario = gui.add_dropdown(
-            "scenario", scenario_names(), initial_value=config.scenario or FIRST
-        )
+        self._outlines, first = config.outlines_file, config.scenario or FIRST
+        names = tuple(dict.fromkeys((*scenario_names(), first)))
+        self._scenario = gui.add_dropdown("scenario", names, initial_value=first)
         self._seed: Any = gui.add_text("seed", str(config.seed))
         add_caption(gui, "number of the scene; the same one is the same scene")
         self._shape = gui.add_dropdown("shape", (AS_DRAWN, *shape_names()))
@@ -137,7 +137,8 @@ class ControlsView:
     def _reset(self) -> None:
         world = "" if self._world.value == AS_STARTED else self._world.value
         seed = read_seed(self._seed.value)
-        self._send(Reset.draw(self._scenario.value, seed, self._shape.value, world))
+        name, shape = self._scenario.value, self._shape.value
+        self._send(Reset.draw(name, seed, shape, world, self._outlines))
         self._hint.content = ""
 
     def _next(self) -> None:

@@ -116,7 +116,9 @@ class PageNode(Node):
     def _begin(self) -> None:
         """Reset the scene to the scenario that was asked for, once there is a simulator."""
         if self._reset_to != NO_SCENARIO and self.steering.has_simulator:
-            self.steering.send(Reset.draw(self._reset_to, self.config.seed))
+            config = self.config
+            reset = Reset.draw(self._reset_to, config.seed, outlines=config.outlines_file)
+            self.steering.send(reset)
             self._reset_to = NO_SCENARIO
 
     def destroy_node(self) -> None:

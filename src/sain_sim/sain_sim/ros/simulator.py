@@ -2,7 +2,9 @@
 
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from pathlib import Path
 from time import perf_counter
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +18,9 @@ from sain_core.randomness import generator
 from sain_core.ros import codec
 from sain_core.scene import RADIUS, Table
 from sain_core.shapes.bodies import Bodies
+from sain_core.shapes.library import own_bodies, register
+from sain_core.shapes.outlines import BodyOutline
+from sain_core.shapes.shape import FEET
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Prediction, PushResult
 from sain_interfaces.srv import ResetScene
@@ -25,13 +30,14 @@ from sain_sim.camera.window import Window
 from sain_sim.ros.pacing import CameraTimer, Pacer
 from sain_sim.world.engines import BULLET
 from sain_sim.world.own import open_world
-from sain_sim.world.parameters import WorldParameters, nominal_parameters
+from sain_sim.world.parameters import WorldParameters, nominal_parameters, stated_by
 from sain_sim.world.shadow import BulletPrior
 from sain_sim.world.start import draw_episode
 from sain_sim.world.truth import TRUTHS, TruthConfig
 from sain_sim.world.workcell import Observer, Sample, WorldConfig, steps_of
 
 SHADOW_MODEL = "bullet_nominal"
+OWN: Final = "own"
 Measured = tuple[Sample, PushResult]
 """The world after a push, and its duration, wall time and prediction."""
 
@@ -53,6 +59,11 @@ class SimulatorConfig(TruthConfig):
         unit="Hz",
         minimum=0.1,
         maximum=100.0,
+    )
+    outlines: str = option(
+        "",
+        f"file of outlines whose bodies resets may name, with its heights; {OWN}: all of this"
+        " user's; empty: none",
     )
     gui: bool = option(False, "show the world in a window (needs a display)")
     shadow: bool = option(True, "predict each push with the nominal world")
@@ -81,6 +92,7 @@ class Simulator:
         self.pacer = pacer
         self.world = open_world(nominal_parameters(), config.cell, config.engine)
         self.config = config = replace(config, cell=self.world.config)  # with the robot's reach
+        self._outlines = _read_outlines(config.outlines)
         self.window: Window | None = None
         self.shadow = BulletPrior("nominal", config.cell) if config.shadow else None
         self.camera = None if config.camera.is_exact else Camera(config.camera)
@@ -115,7 +127,7 @@ class Simulator:
         scene = wire.check_bodies(wire.decode_disks(disks, name), name) if disks else None
         truth = replace(self.config, world=world or self.config.world)
         drawn = draw_episode(wanted.seed, truth, scene, shapes, wanted.friction, roles)
-        parameters, start = drawn
+        parameters, start = self._stated(drawn[0]), drawn[1]
         self.world.reset(start, parameters)
         self._images = None
         if self.config.gui:
@@ -126,6 +138,11 @@ class Simulator:
         if self.shadow is not None:
             self.shadow.truth = parameters  # for the shapes, which the nominal world shares
         return self.observe()
+
+    def _stated(self, parameters: WorldParameters) -> WorldParameters:
+        """Return the bodies with heights and centres of mass as a file states them."""
+        stated = [self._outlines.get(one.on(FEET).name) for one in parameters.body_shapes]
+        return parameters.with_stated(*stated_by(stated)) if any(stated) else parameters
 
     @property
     def radii(self) -> tuple[float, ...]:
@@ -205,3 +222,16 @@ class Simulator:
         sample = self.world.sample()
         self.pacer.follow(sample.time)
         return sample
+
+
+def _read_outlines(outlines: str) -> dict[str, BodyOutline]:
+    """Return the bodies of a file by the names of their shapes, which resets may name from now on.
+
+    Raises `DatasetError`: it cannot be read.
+    """
+    if not outlines:
+        return {}
+    bodies = own_bodies(None if outlines == OWN else Path(outlines)).values()
+    for one in bodies:
+        register(one.shape)
+    return {one.shape.name: one for one in bodies}

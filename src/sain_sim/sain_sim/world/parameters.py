@@ -4,6 +4,7 @@ Numbers from the paper, section III-A; it gives one friction coefficient and we 
 one between disks and table. Rims and tool keep its nominal value.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, lru_cache
 from typing import Final, NamedTuple, Self
@@ -14,7 +15,7 @@ from sain_core.config import Config, option
 from sain_core.errors import ConfigError
 from sain_core.scene import DISK_HEIGHT, MASS, NOMINAL_MASS, RADIUS, Table, make_scene
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.outlines import LEAST_MASS, MOST_HEIGHT, MOST_MASS
+from sain_core.shapes.outlines import LEAST_MASS, MOST_HEIGHT, MOST_MASS, BodyOutline
 from sain_core.shapes.shape import Pair, Shape, feet_places
 from sain_core.shapes.solids import DISK, even_supports
 from sain_core.types import Angles, Points, Scalars, Scene
@@ -168,6 +169,16 @@ class WorldParameters(Config):
         """Return the scene (N, 8) at rest with these disks at positions (N, 2) [m]."""
         return make_scene(positions, np.array(self.masses), np.array(self.radii), headings)
 
+    def with_stated(self, heights: tuple[float, ...], mass_centres: tuple[Pair, ...]) -> Self:
+        """Return the bodies with heights and centres of mass from their centroids [m]; (): ours."""
+        if mass_centres:
+            about = zip(mass_centres, self.radii, strict=True)
+            offsets = tuple((x / radius, y / radius) for (x, y), radius in about)
+            return replace(
+                self, heights=heights, roughness=replace(self.roughness, mass_offsets=offsets)
+            )
+        return replace(self, heights=heights)
+
     @classmethod
     def of_scene(
         cls,
@@ -184,6 +195,20 @@ class WorldParameters(Config):
             roles=roles,
             friction=friction,
         )
+
+
+def stated_by(
+    bodies: Iterable[BodyOutline | None],
+) -> tuple[tuple[float, ...], tuple[Pair, ...]]:
+    """Return heights and centres of mass of bodies as users state them, for `with_stated`.
+
+    None is a body of ours. The simulated tool touches none that is lower than `LEAST_HEIGHT`.
+    """
+    known = tuple(bodies)
+    tops = (DISK_HEIGHT if one is None else one.height or DISK_HEIGHT for one in known)
+    heights = tuple(max(top, LEAST_HEIGHT) for top in tops)
+    centres = tuple((one and one.mass_centre) or (0.0, 0.0) for one in known)
+    return heights, centres if any(map(any, centres)) else ()
 
 
 @cache
