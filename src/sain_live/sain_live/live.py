@@ -10,7 +10,7 @@ from sain_bringup.graph import OUTLINES_HELP, PAGE, GraphOptions, stated_bodies
 from sain_bringup.running import run as run_graph
 from sain_core.cli.command_line import command_of_node
 from sain_core.config import option
-from sain_eval.scenes.scenarios import SCENARIOS, check_in_graph
+from sain_eval.scenes.scenarios import SCENARIOS, check_in_graph, check_scenario
 from sain_live.settings import PageConfig, check_free
 from sain_sim.world.truth import TRUTHS, TruthConfig
 
@@ -39,7 +39,7 @@ class LiveOptions(GraphOptions):
         super().__post_init__()
         TruthConfig(self.world, engine=self.engine, bottom=self.bottom)
         if not self.is_real:
-            check_in_graph(self.scenario, self.outlines, self.engine)
+            check_in_graph(self.scenario, self.engine)
         PageConfig(self.host, self.port)
 
     def simulator(self) -> dict[str, str]:
@@ -61,7 +61,9 @@ def run(options: LiveOptions, console: Console) -> int:
 
     Raises:
         BusyError: the port is in use; nothing was started.
-        SainError: a package is not installed, or a log cannot be written.
+        SainError: a package is not installed, a log cannot be written, or a file has no such body.
     """
+    if not options.is_real:
+        check_scenario(options.scenario, options.outlines)
     check_free(options.host, options.port)
     return run_graph(options, console)

@@ -5,10 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from sain_bringup.ros.closed_loop import (
     ClosedLoopOptions,
     make_output_folder,
+    run,
     what_is_left,
 )
 from sain_core.errors import ConfigError, OutputError
@@ -51,7 +53,8 @@ def test_bodies_of_a_file_need_it_and_an_engine_with_heights(tmp_path):
     with pytest.raises(ConfigError, match="has bodies of own heights: add --engine mujoco"):
         replace(options, engine="bullet")
     with pytest.raises(ConfigError, match="body 'cam' is unknown"):
-        replace(options, scenario="anything:cam")
+        run(replace(options, scenario="anything:cam", out=tmp_path / "out"), Console())
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize("text", ["a: [", "- 1", "", "sim_node: {seed: 3}"])

@@ -33,7 +33,7 @@ from sain_core.output import MANIFEST, claim_folder, remove, sign
 from sain_core.provenance import provenance
 from sain_core.shapes.shape import FEET
 from sain_core.world import changed_settings
-from sain_eval.scenes.scenarios import SCENARIOS, check_in_graph, draw_scene
+from sain_eval.scenes.scenarios import SCENARIOS, check_in_graph, check_scenario, draw_scene
 from sain_model.compute.kernel_store import (
     compile_kernels,
     describe_compilation,
@@ -100,7 +100,7 @@ class ClosedLoopOptions(GraphOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scenario is not None:
-            check_in_graph(self.scenario, self.outlines, self.engine)
+            check_in_graph(self.scenario, self.engine)
 
     @property
     def plans(self) -> list[tuple[str, int]]:
@@ -149,13 +149,16 @@ def run(options: ClosedLoopOptions, console: Console) -> int:
     """Play the episodes and write the results; return 0 if all reached the goal.
 
     Raises:
-        ConfigError: the robot does not reach what is to be pushed.
+        ConfigError: the robot does not reach what is to be pushed, or a file has no such body.
+        DatasetError: the file of outlines cannot be read.
         SainError: an output that cannot be written, or a graph that broke. No process is left
             behind, and what was recorded is whole, or the error says how it becomes so.
     """
     from sain_core.ros.node_main import ros_context
 
     interrupts, display = Interrupts(), Display(console)
+    for scenario in {scenario for scenario, _ in options.plans}:
+        check_scenario(scenario, options.outlines)
     if options.robot != DEFAULT_ROBOT:
         cases = [draw_scene(*plan, options.outlines) for plan in options.plans]
         check_reach(options.robot, cases)
