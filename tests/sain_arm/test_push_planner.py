@@ -14,8 +14,9 @@ from sain_arm.planning.tool_ways import above, around
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Stroke
 from sain_core.scene import DISK_HEIGHT, make_scene, unit
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
-from tests.sain_arm.conftest import Planned
+from tests.sain_arm.conftest import Planned, planned_robot
 
 
 def scene_of(planned: Planned, first: Any, second: Any) -> Scene:
@@ -179,6 +180,18 @@ def test_from_another_posture_of_the_arm_a_push_is_still_planned(ur5):
     stroke, scene = random_push(ur5, 2)
     other = ur5.robot.home + np.array([0.0, 0.9, -1.8, 0.9, 0.0, 0.0])
     check_limits(ur5, ur5.planner.plan(stroke, scene, other))
+
+
+def test_an_arm_that_waits_aside_is_raised_over_high_bodies():
+    panda = planned_robot("paper_panda")
+    high = Bodies.named(("t", "disk"), heights=(0.08, DISK_HEIGHT))
+    planner, aside = PushPlanner(panda.robot, high, panda.radii), panda.robot.aside(1.5)
+    assert planner.arm.tip(aside)[2] < planner.config.raised
+    stroke, scene = random_push(panda, 2)
+    plan = planner.plan(stroke, scene, aside)
+    np.testing.assert_allclose(plan.approach.positions[0], aside, atol=1e-9)
+    highest = planner.arm.tips(plan.approach.positions)[:, 2].max()
+    assert highest > planner.config.raised - 0.002
 
 
 def test_a_retreat_goes_straight_up(planned):

@@ -43,24 +43,32 @@ class Kinematics:
             TIP, "body", position_cost=1.0, orientation_cost=[TILT_COST, TILT_COST, 0.0]
         )
         self._posture = mink.PostureTask(arm.model, cost=POSTURE_COST)
-        self._posture.set_target(self._in_model(arm.robot.home))
         lower, upper = arm.robot.lower[:, None], arm.robot.upper[:, None]
         arm.model.jnt_range[arm.order] = np.concatenate([lower, upper], axis=1)
         arm.model.jnt_limited[:] = True
         self._limits = [mink.ConfigurationLimit(arm.model)]
 
-    def follow(self, start: Vector, tips: Tips, first_steps: int = FIRST_STEPS) -> Joints:
+    def follow(
+        self,
+        start: Vector,
+        tips: Tips,
+        first_steps: int = FIRST_STEPS,
+        posture: Vector | None = None,
+    ) -> Joints:
         """Return joints (T, J) along a way, in the branch that joints (J,) lead to.
+
+        Of all that hold the tool alike, they are near a posture (J,), by default home.
 
         Raises:
             UnreachableError: naming the first point that the arm cannot take, or where the branch
                 ends.
         """
         found = np.empty((len(tips), len(start)))
-        joints = start
+        joints, posture = start, self.arm.robot.home if posture is None else posture
+        self._posture.set_target(self._in_model(posture))
         for index, tip in enumerate(tips):
             steps = STEPS if index else first_steps
-            joints = self._solve(joints, tip, steps)
+            joints = self._solve(joints, tip, steps, posture)
             if index and (jump := np.abs(joints - found[index - 1])).max() > JUMP:
                 name = self.arm.robot.joints[int(np.argmax(jump))]
                 raise UnreachableError(
@@ -70,12 +78,16 @@ class Kinematics:
             found[index] = joints
         return found
 
-    def _solve(self, start: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector:
+    def _solve(
+        self, start: Vector, tip: Float[ndarray, "3"], steps: int, posture: Vector
+    ) -> Vector:
         """Return joints (J,) near others that hold the tip at a point (3,)."""
-        joints = self._newton(start, tip, steps)
+        joints = self._newton(start, tip, steps, posture)
         return self._within_limits(start, tip, steps) if joints is None else joints
 
-    def _newton(self, joints: Vector, tip: Float[ndarray, "3"], steps: int) -> Vector | None:
+    def _newton(
+        self, joints: Vector, tip: Float[ndarray, "3"], steps: int, posture: Vector
+    ) -> Vector | None:
         """Return the same, or None: the way there leads to a limit, or is long."""
         arm, robot, close = self.arm, self.arm.robot, None
         for step in range(steps):
@@ -88,7 +100,7 @@ class Kinematics:
                     break
             rates = arm.jacobian()[:5]
             rates[3:] *= TILT_COST
-            homewards = robot.home - joints  # as far as it moves nothing of the tool
+            homewards = posture - joints  # as far as it moves nothing of the tool
             rest = np.concatenate([tip - place, TILT_COST * lean]) - rates @ homewards
             way = homewards + rates.T @ np.linalg.solve(rates @ rates.T + SOFT, rest)
             joints = joints + _shortened(way)

@@ -295,12 +295,15 @@ class PushPlanner:
         return joints
 
     def _lifted(self, joints: Vector) -> Joints:
-        """Return joints (T, J) straight up to above all bodies from others (J,)."""
+        """Return joints (T, J) straight up to above all bodies from others (J,), in their posture.
+
+        An arm that waits aside is turned, and may be lower than high bodies.
+        """
         tip = self.arm.tip(joints)
         if tip[2] >= self.config.raised - LEVEL:
             return np.stack([joints, joints])
         top = np.array([*tip[:2], self.config.raised])
-        return _begun_at(joints, self.kinematics.follow(joints, line(tip, top)))
+        return _begun_at(joints, self.kinematics.follow(joints, line(tip, top), posture=joints))
 
     def _in_joint_space(
         self, start: Vector, end: Vector, beside: int | None, error: SainError | None
