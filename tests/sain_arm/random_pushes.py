@@ -21,6 +21,7 @@ from sain_arm.planning.push_events import (
     Executed,
     GoalEnded,
     Phase,
+    PlanAhead,
     PlanHome,
     PlanPush,
     PlanRetreat,
@@ -44,6 +45,7 @@ LENGTH = 0.1
 REST_WITHIN, BRAKE = 0.8, 0.4  # [s], of which a controller takes so much
 HOME, BESIDE, END, UP = (np.full(6, angle) for angle in (0.0, 0.5, 1.0, 1.2))
 STROKE = Stroke(np.zeros(2), np.array([LENGTH, 0.0]), 0.0)
+EXPECTED = STROKE, np.zeros((2, 8))  # the next stroke, and bodies
 NONE = Stroke(np.zeros(2), np.zeros(2), 0.0)  # a push without length
 ENDINGS = [Ending(how) for how in Ended]
 SUCCEEDED, ABORTED = Ending(Ended.SUCCEEDED), Ending(Ended.ABORTED)
@@ -79,6 +81,7 @@ class Walk:
         self.pushes = self.answers = 0
         self.moved = False  # a body, by the push that is under way
         self.hidden_since: float | None = None
+        self.expects = random.random() < 0.5
 
     @property
     def arm(self) -> ArmState:
@@ -90,6 +93,7 @@ class Walk:
             disabled="" if self.enabled else "not enabled",
             missing="" if self.serves else "no controller",
             hidden=0.0 if self.hidden_since is None else self.time - self.hidden_since,
+            expects=EXPECTED if self.expects else None,
         )  # fmt: skip
 
     def tell(self, event: Event) -> None:
@@ -122,7 +126,7 @@ class Walk:
             case Cancel():
                 assert self.goal is not None and not self.cancelled
                 self.cancelled, self.moves_until = True, self.time + BRAKE
-            case PlanPush() | PlanHome() | PlanRetreat():
+            case PlanPush() | PlanHome() | PlanAhead() | PlanRetreat():
                 assert arm.joints is not None
                 self.plans.append(action)
             case Executed(doubt):
@@ -164,6 +168,7 @@ class Walk:
         self.pushes += 1
         self.hidden_since = None
         self.tell(PushOrdered(NONE if self.random.random() < 0.1 else STROKE))
+        self.is_of_push = self.is_of_push or self.one.phase is Phase.PLANS
 
     def plan(self) -> None:
         if not self.plans:
@@ -204,7 +209,7 @@ class Walk:
             self.time, self.still = self.time + FINDING + WAIT, True
             self.tell(TimePassed())
         assert self.answers == self.pushes, "each push has one answer"
-        assert self.one.phase in (Phase.STARTS, Phase.RESTS, Phase.GOES_HOME)
+        assert self.one.phase in (Phase.STARTS, Phase.RESTS, Phase.TRAVELS)
 
 
 STEPS = (

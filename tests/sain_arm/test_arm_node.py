@@ -29,8 +29,10 @@ from sain_arm.ros.trajectory_client import encode
 from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.feasibility import Reach, ReachTable
+from sain_core.ros.codec import fill_plan
 from sain_core.ros.qos import LATCHED, RELIABLE
-from sain_interfaces.msg import Scene
+from sain_core.scene import wrap_angle
+from sain_interfaces.msg import Plan, Scene
 from sain_mppi.agent.goal_tracker import LOOK_AGAIN
 from sain_mppi.ros.mppi_node import MppiNode
 from sain_sim.ros.trajectory_server import TrajectoryServer
@@ -150,6 +152,28 @@ def test_pushes_are_made_and_answered(graph, make):
     report = table.server.bench.report
     assert (report.limits, report.contacts) == ({}, {})
     assert report.tool > 0
+
+
+def test_the_arm_goes_on_to_where_a_plan_expects_the_next_push(graph, make):
+    """And the next push finds it there, with nothing touched on the way."""
+    table = make()
+    table.enabled = True
+    plans = graph.bystander.create_publisher(Plan, "plan", RELIABLE)
+    push_id = table.approach()
+    plan = Plan(push_id=push_id, status=Plan.PUSH)
+    pushes = np.array([(0.0, 0.0, 0.0, 0.06, 0.2), (0.0, 3.0, 0.0, 0.06, 0.2)])
+    fill_plan(plan, pushes, np.repeat(wire.decode_scene(table.scene)[None], 2, axis=0))
+    plans.publish(plan)
+    graph.wait(lambda: table.arm.phase == "travels", "the arm on its way")
+    after = wire.decode_result(graph.result(push_id))[2][0]
+    graph.wait(lambda: table.arm.phase == "rests", "the arm beside the next push")
+    tip = table.arm._planner.arm.tip(table.joints())[:2]
+    behind = after[:2] - tip
+    assert abs(wrap_angle(np.arctan2(behind[1], behind[0]) - 3.0)) < 0.1
+    assert 0.07 < np.linalg.norm(behind) < 0.12
+    assert table.execute((3.0, 0.0, 0.05)).error_code == ErrorCode.OK
+    report = table.server.bench.report
+    assert (report.limits, report.contacts) == ({}, {})
 
 
 def test_a_push_is_refused_with_the_code_of_its_reason(graph, make):

@@ -13,6 +13,7 @@ from sain_arm.planning.push_events import (
     Executed,
     GoalEnded,
     Phase,
+    PlanAhead,
     PlanPush,
     PlanRetreat,
     PushOrdered,
@@ -31,6 +32,7 @@ from tests.sain_arm.random_pushes import (
     CLEARANCE,
     END,
     ENDINGS,
+    EXPECTED,
     FAILED,
     HOME,
     PLAN,
@@ -64,18 +66,34 @@ def in_phase(phase):
         (TimePassed(), at(END)),
         (WayPlanned(way(END, UP)), at(END)),
     ]
-    if phase in (Phase.RESTS, Phase.GOES_HOME):
+    if phase in (Phase.RESTS, Phase.TRAVELS):
         steps[4:] = [(GoalEnded(SUCCEEDED), at(END)), (TimePassed(), at(END, hidden=HIDES))]
     for event, arm in steps:
         one.update(event, arm)
         if one.phase is phase:
             break
     assert one.phase is phase
-    if phase is not Phase.GOES_HOME:
+    if phase is Phase.PLANS:
+        planned = on_the_way()
+        planned.update(PushPlanned(PLAN), at(END))
+        return [one, on_the_way(), planned]
+    if phase is not Phase.TRAVELS:
         return [one]
     sent = deepcopy(one)
     sent.update(WayPlanned(way(END, HOME)), at(END))
     return [one, sent]
+
+
+def on_the_way():
+    """Return a machine that plans a push while the arm goes on from the stroke before."""
+    (one,) = in_phase(Phase.RESTS)
+    (ahead,) = one.update(TimePassed(), at(END, expects=EXPECTED))
+    assert isinstance(ahead, PlanAhead) and (ahead.joints == END).all()
+    (sent,) = one.update(WayPlanned(way(END, BESIDE)), at(END))
+    assert not sent.touches
+    (planned,) = one.update(PushOrdered(STROKE), at(END, still=False))
+    assert (planned.joints == BESIDE).all()
+    return one
 
 
 EVENTS = {
@@ -90,6 +108,7 @@ EVENTS = {
 STATES = {
     "rest": at,
     "late": lambda joints: at(joints, time=100.0),
+    "expects": lambda joints: at(joints, expects=EXPECTED),
     "hidden": lambda joints: at(joints, time=100.0, hidden=3 * HIDES),
     "late, disabled": lambda joints: at(joints, time=100.0, disabled="not enabled"),
     "disabled": lambda joints: at(joints, disabled="not enabled"),
@@ -129,7 +148,8 @@ def test_every_event_in_every_phase_does_what_the_table_states(phase, name):
                     actions = one.update(event, state(joints))
                     reached.add(one.phase)
                     ended = any(isinstance(a, Refused | Executed) for a in actions)
-                    assert one.phase in allowed or (ended and one.phase is Phase.RESTS)
+                    rest = (Phase.RESTS, Phase.TRAVELS)
+                    assert one.phase in allowed or (ended and one.phase in rest)
     if cell != "error":
         assert allowed - {phase} <= reached, "the table states no more than what happens"
 
@@ -146,6 +166,30 @@ def test_a_whole_push_is_two_goals_and_one_answer() -> None:
     assert (stroke.trajectory, stroke.touches) == (PLAN.stroke, True)
     assert one.update(GoalEnded(SUCCEEDED), at(END)) == [Executed()]
     assert one.phase is Phase.RESTS
+
+
+def test_a_push_that_comes_on_the_way_follows_it_without_a_rest() -> None:
+    one = on_the_way()
+    assert one.update(PushPlanned(PLAN), at(END, still=False)) == []  # two goals at once
+    (approach,) = one.update(GoalEnded(SUCCEEDED), at(BESIDE, still=False))
+    assert (approach.trajectory, approach.touches) == (PLAN.approach, True)
+    one = on_the_way()
+    assert one.update(GoalEnded(SUCCEEDED), at(BESIDE)) == []
+    (approach,) = one.update(PushPlanned(PLAN), at(BESIDE))
+    assert approach.trajectory is PLAN.approach
+
+
+def test_a_push_from_the_end_of_a_way_that_failed_is_refused() -> None:
+    for steps in (
+        [(GoalEnded(ABORTED), at(END)), (PushPlanned(PLAN), at(END))],
+        [(PushPlanned(PLAN), at(END)), (GoalEnded(ABORTED), at(END))],
+        [(TimePassed(), at(END, disabled="no")), (PushPlanned(PLAN), at(END)),
+         (GoalEnded(SUCCEEDED), at(BESIDE))],
+    ):  # fmt: skip
+        one = on_the_way()
+        actions = [action for event, arm in steps for action in one.update(event, arm)]
+        assert isinstance(actions[-1], Refused) and one.phase is Phase.RESTS
+        assert not any(isinstance(action, Send) for action in actions)
 
 
 def test_a_stroke_that_was_broken_off_before_the_body_is_doubted() -> None:

@@ -8,7 +8,7 @@ import pytest
 import shapely
 from shapely import Polygon
 
-from sain_arm.planning.push_planner import PushPlan, PushPlanner
+from sain_arm.planning.push_planner import STANDOFF, PushPlan, PushPlanner
 from sain_arm.planning.timing import Trajectory
 from sain_arm.planning.tool_ways import above, around
 from sain_core.errors import BlockedError, SainError, UnreachableError
@@ -229,3 +229,30 @@ def test_a_tool_that_stopped_at_the_table_lifts_off(ur5):
     touching = ur5.planner.kinematics.follow(low, np.array([tip, [*tip[:2], 0.0005]]))[-1]
     plan = ur5.planner.plan(stroke, scene, touching)
     np.testing.assert_allclose(plan.approach.positions[0], touching, atol=1e-9)
+
+
+def test_the_way_ahead_ends_behind_the_next_stroke_or_high_above_and_keeps_away(planned):
+    """Whatever is expected, the body is not touched; the next stroke begins from there."""
+    planner, ends = planned.planner, []
+    for seed in range(4):
+        stroke, scene = random_push(planned, seed)
+        plan = planner.plan(stroke, scene, planned.robot.home)
+        scene[0, :2] += (stroke.length - 0.005) * unit(np.asarray(stroke.heading))
+        for turn in (0.5, 3.0):
+            heading = stroke.heading + turn
+            start = scene[0, :2] - (planned.radii[0] + 0.025) * unit(np.asarray(heading))
+            following = replace(stroke, start=start, end=start + 0.03 * unit(np.asarray(heading)))
+            following = replace(following, heading=heading)
+            try:
+                way = planner.ahead(following, scene, plan.stroke.positions[-1])
+            except SainError:
+                continue
+            tips = planner.arm.tips(sampled(way)[0])
+            gaps = shapely.distance(Polygon(planner._outlines[0]), shapely.points(tips[:, :2]))
+            low = tips[:, 2] < DISK_HEIGHT
+            away = np.linalg.norm(tips[:, :2] - tips[0, :2], axis=1) > 0.01
+            assert (gaps[low & away] > planned.robot.tool_radius + 0.002).all()
+            behind = start - STANDOFF * unit(np.asarray(heading))
+            np.testing.assert_allclose(tips[-1, :2], behind, atol=1e-3)
+            ends.append(tips[-1, 2])
+    assert ends

@@ -26,6 +26,10 @@ class MotionConfig(Config):
         4.0, "of the tool in a stroke", unit="m/s^2", minimum=0.1, maximum=20.0
     )
 
+    ahead: bool = option(
+        True, "go on after a stroke to where the next one is expected, while bodies come to rest"
+    )
+
     @property
     def raised(self) -> float:
         """Height [m] of the tip that travels."""

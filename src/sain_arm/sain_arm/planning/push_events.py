@@ -12,6 +12,7 @@ from sain_arm.planning.timing import Trajectory
 from sain_arm.robot.robot import Vector
 from sain_core.errors import CancelledError
 from sain_core.feasibility import Stroke
+from sain_core.types import Scene
 
 
 class Phase(StrEnum):
@@ -25,7 +26,7 @@ class Phase(StrEnum):
     PUSHES = "pushes"
     STOPS = "stops"
     RETREATS = "retreats"
-    GOES_HOME = "goes home"
+    TRAVELS = "travels"
 
 
 class Ended(Enum):
@@ -66,6 +67,7 @@ class ArmState:
         disabled: why the arm is not enabled; empty: it is.
         missing: why no controller takes goals; empty: one does.
         hidden: for how long [s] no scene at rest has come after a stroke.
+        expects: the next stroke, and the bodies (N, 8) after the latest one, if both are known.
     """
 
     time: float
@@ -79,6 +81,7 @@ class ArmState:
     disabled: str = ""
     missing: str = ""
     hidden: float = 0.0
+    expects: tuple[Stroke, Scene] | None = None
 
     @property
     def stopped(self) -> str:
@@ -110,7 +113,7 @@ class PushPlanned:
 
 @dataclass(frozen=True)
 class WayPlanned:
-    """The way that `PlanHome` or `PlanRetreat` asked for, or why there is none."""
+    """The way that `PlanAhead`, `PlanHome` or `PlanRetreat` asked for, or why there is none."""
 
     way: Trajectory | BaseException
 
@@ -160,6 +163,15 @@ class PlanHome:
     turn: float
 
 
+@dataclass(frozen=True, eq=False)
+class PlanAhead:
+    """Plan the way from joints (J,) to near where a stroke among bodies (N, 8) would begin."""
+
+    stroke: Stroke
+    scene: Scene
+    joints: Vector
+
+
 @dataclass(frozen=True)
 class Send:
     """Send a goal. One that `touches` leads to a body: all bodies must be seen where they were."""
@@ -201,5 +213,5 @@ Event = (
     PushOrdered | ReachFound | PushPlanned | WayPlanned | GoalEnded | SendRefused | TimePassed
 )  # fmt: skip
 Action = (
-    PlanPush | PlanRetreat | PlanHome | Send | Cancel | Executed | Refused | Say
+    PlanPush | PlanRetreat | PlanHome | PlanAhead | Send | Cancel | Executed | Refused | Say
 )  # fmt: skip

@@ -15,6 +15,7 @@ from sain_arm.planning.arm_config import MotionConfig
 from sain_arm.planning.push_events import Action, ArmState, Ended, Ending, Event, Phase
 from sain_arm.planning.push_planner import ASIDE, PushPlan
 from sain_arm.planning.timing import Trajectory
+from sain_arm.robot.robot import Vector
 from sain_core.errors import BusyError, CancelledError
 from sain_core.feasibility import Stroke
 from sain_core.scene import unit
@@ -36,14 +37,17 @@ class PushExecution:
     | phase | push ordered | reach found | planned | goal ended | time |
     | --- | --- | --- | --- | --- | --- |
     | starts | waits | rests | - | - | - |
-    | rests | waits; ready: plans | - | - | - | a body stays hidden: plan home, goes home |
+    | rests | waits; ready: plans | - | - | - | next push expected, or a body hidden: travels |
     | waits | error | - | - | - | ready: plan, plans; too late: refused, rests |
-    | plans | error | - | approaches; none: refused, rests | - | - |
+    | plans | error | - | approaches; none: refused, rests | planned: approaches; else - | - |
     | approaches | error | - | - | succeeded: pushes; else refused, rests | - |
     | pushes | error | - | - | succeeded: executed, rests; rejected: refused; else stops | - |
     | stops | error | - | retreats; none: executed, rests | - | at rest or late: plan the retreat |
     | retreats | error | - | - | executed, rests | - |
-    | goes home | waits; ready: plans | - | sent; none: rests | rests | - |
+    | travels | waits; ready: plans | - | sent; none: rests | rests | - |
+
+    After a stroke, and while bodies come to rest, the arm may go on to near where the next push is
+    expected to begin. A push that comes meanwhile is planned from the end of that way.
 
     A goal has succeeded when the controller says so and the joints are at its end. An approach that
     was to be cancelled has not. A goal that was not sent, as bodies were moved, is a push refused.
@@ -69,6 +73,8 @@ class PushExecution:
         self._retreat_asked = False
         self._doubt: CancelledError | None = None  # that the stroke has moved a body
         self._froze = -np.inf  # when joints' states lagged behind a goal [s], of the steady clock
+        self._ended_at: Vector | None = None  # joints after a stroke, until the arm goes on
+        self._way_failed: Ending | None = None  # of a way that a push was planned from the end of
         self._turns = list[float]()  # at home, that are left to try where the arm hides a body
 
     def update(self, event: Event, arm: ArmState) -> list[Action]:
@@ -113,7 +119,7 @@ class PushExecution:
         if self._stroke is not None:
             raise BusyError("a push is under way")
         self._stroke, self._since, self._doubt = stroke, arm.time, None
-        self._turns = []
+        self._turns, self._ended_at, self._way_failed = [], None, None
         self.phase = Phase.WAITS
         return self._try(arm)
 
@@ -133,7 +139,8 @@ class PushExecution:
         if self._stroke.length == 0.0 and not self._dry_run:
             return self._conclude()
         self.phase = Phase.PLANS
-        return [events.PlanPush(self._stroke, arm.joints)]
+        joints = arm.joints if self._goal is None else self._goal.positions[-1]
+        return [events.PlanPush(self._stroke, joints)]
 
     def _missing(self, arm: ArmState) -> str:
         """Return what a push waits for; empty: it can be planned."""
@@ -142,8 +149,9 @@ class PushExecution:
         missing = arm.missing or arm.disabled or self.frozen(arm.changed)
         if arm.unknown or (missing and not self._dry_run):
             return arm.unknown or missing
+        travels = self._goal is not None and not self._cancelled
         rests = self._goal is None and arm.still and arm.time >= self._rests_from
-        return "" if rests else "the arm still moves"
+        return "" if travels or rests else "the arm still moves"
 
     def _on_plan(self, plan: PushPlan | BaseException, arm: ArmState) -> list[Action]:
         if self.phase is not Phase.PLANS or self._stroke is None:
@@ -153,8 +161,17 @@ class PushExecution:
         if self._dry_run:
             text = "a dry run: the way is possible; nothing was moved"
             return self._refuse(CancelledError(text))
-        self._plan, self.phase = plan, Phase.APPROACHES
-        return self._send(plan.approach, arm, touches=True)
+        self._plan = plan
+        return self._try_approach(arm)
+
+    def _try_approach(self, arm: ArmState) -> list[Action]:
+        """Approach once there is a plan, and the arm is where that begins."""
+        if self._plan is None or self._goal is not None:
+            return []
+        if self._way_failed is not None:
+            return self._refuse(_before_body(self._way_failed))
+        self.phase = Phase.APPROACHES
+        return self._send(self._plan.approach, arm, touches=True)
 
     # --- motion ---------------------------------------------------------------------------------
 
@@ -208,31 +225,34 @@ class PushExecution:
         self._goal = self._arrives = None
         if ending.how is not Ended.SUCCEEDED:
             self._rests_from = arm.time + AGAIN
+        elif self._cancelled and self.phase in (Phase.PLANS, Phase.APPROACHES):
+            ending = Ending(Ended.CANCELLED, self._cancelled)
         match self.phase:
+            case Phase.PLANS:
+                self._way_failed = None if ending.how is Ended.SUCCEEDED else ending
+                return self._try_approach(arm)
             case Phase.APPROACHES:
                 return self._after_approach(ending, arm)
             case Phase.PUSHES:
                 return self._after_stroke(ending, arm)
             case Phase.RETREATS:
                 return _unless_succeeded(ending, "no retreat") + self._conclude()
-            case Phase.GOES_HOME:
+            case Phase.TRAVELS:
                 self.phase = Phase.RESTS
-        return _unless_succeeded(ending, "the arm is not home")
+        return _unless_succeeded(ending, "the arm is not where it was to wait")
 
     def _after_approach(self, ending: Ending, arm: ArmState) -> list[Action]:
         """Push, unless the approach failed, or was to be cancelled and had come to its end."""
-        if ending.how is Ended.SUCCEEDED and self._cancelled:
-            ending = Ending(Ended.CANCELLED, self._cancelled)
         if ending.how is not Ended.SUCCEEDED:
-            text = f"{ending}; the tool had not come to the body yet"
-            return self._refuse(CancelledError(text))
+            return self._refuse(_before_body(ending))
         assert self._plan is not None
         self.phase = Phase.PUSHES
         return self._send(self._plan.stroke, arm, touches=True)
 
     def _after_stroke(self, ending: Ending, arm: ArmState) -> list[Action]:
         if ending.how is Ended.SUCCEEDED:
-            self._turns = list(ASIDE)
+            assert self._plan is not None
+            self._turns, self._ended_at = list(ASIDE), self._plan.stroke.positions[-1]
             return self._conclude()
         if ending.how is Ended.REJECTED:
             return self._refuse(_untouched(ending))
@@ -280,13 +300,15 @@ class PushExecution:
         match self.phase:
             case Phase.STOPS if isinstance(way, BaseException):
                 return [events.Say(f"no retreat: {way}"), *self._conclude()]
-            case Phase.GOES_HOME if isinstance(way, BaseException):
+            case Phase.TRAVELS if isinstance(way, BaseException):
                 self.phase = Phase.RESTS
+                if len(self._turns) == len(ASIDE):  # it was not on its way home
+                    return []
                 text = f"a body may be hidden by the arm, which stays: {way}"
                 return [events.Say(text, is_error=False)]
             case Phase.STOPS:
                 self.phase = Phase.RETREATS
-            case Phase.GOES_HOME if self._goal is None:
+            case Phase.TRAVELS if self._goal is None:
                 pass
             case _:
                 return []
@@ -301,8 +323,16 @@ class PushExecution:
         if self._goal is not None or not arm.still or arm.stopped or self.frozen(arm.changed):
             return []
         assert arm.joints is not None
-        self.phase = Phase.GOES_HOME
+        self.phase, self._ended_at = Phase.TRAVELS, None
         return [events.PlanHome(arm.joints, self._turns.pop(0))]
+
+    def _try_ahead(self, arm: ArmState) -> list[Action]:
+        """Go on to near the next push, as soon as bodies are seen where the stroke has led."""
+        joints = self._ended_at
+        if joints is None or arm.expects is None or arm.stopped or self.frozen(arm.changed):
+            return []
+        self.phase, self._ended_at = Phase.TRAVELS, None
+        return [events.PlanAhead(*arm.expects, joints)]
 
     def _on_time(self, arm: ArmState) -> list[Action]:
         arrived = self._try_arriving(arm)
@@ -312,18 +342,26 @@ class PushExecution:
             case Phase.STOPS:
                 return arrived + self._try_retreat(arm)
             case Phase.RESTS:
-                return arrived + self._try_home(arm)
+                return arrived + (self._try_ahead(arm) or self._try_home(arm))
         return arrived
 
     def _conclude(self) -> list[Action]:
         """End a push that was executed."""
-        self.phase, self._stroke, self._plan = Phase.RESTS, None, None
+        self._end_push()
         return [events.Executed(self._doubt)]
 
     def _refuse(self, error: BaseException) -> list[Action]:
         """End a push by which no body was moved."""
-        self.phase, self._stroke, self._plan = Phase.RESTS, None, None
+        self._end_push()
         return [events.Refused(error)]
+
+    def _end_push(self) -> None:
+        self._stroke, self._plan = None, None
+        self.phase = Phase.RESTS if self._goal is None else Phase.TRAVELS
+
+
+def _before_body(ending: Ending) -> CancelledError:
+    return CancelledError(f"{ending}; the tool had not come to the body yet")
 
 
 def _untouched(ending: Ending) -> CancelledError:

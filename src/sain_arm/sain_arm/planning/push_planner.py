@@ -32,6 +32,7 @@ ASIDE: Final = (0.0, 1.2, -1.2)  # [rad], turns at home, one of which hides no b
 CORNERS: Final = (0.05, 0.015)  # [m], sizes of rounded corners, the first one that is possible
 ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept without a search
 BRANCHES: Final = 6  # drawn at random
+STANDOFF: Final = 0.03  # [m], behind a stroke that is expected, for errors of what is expected
 SAME: Final = 0.1  # [rad], within which two ways end in one posture
 LEVEL: Final = 1e-4  # [m], within which tips are at one place or height
 LOW: Final = 0.005  # [m] above the tip's height in a stroke, up to which it may go along the table
@@ -130,6 +131,28 @@ class PushPlanner:
         """
         self._place(scene)
         return self.travel(joints, self.robot.aside(turn))
+
+    def ahead(self, stroke: Stroke, scene: Scene, joints: Vector) -> Trajectory:
+        """Return the way from joints (J,) to behind where a stroke begins, or high above that.
+
+        It touches nothing, and keeps away from the body.
+
+        Raises:
+            UnreachableError: there is none.
+            BlockedError: a body is in the way.
+        """
+        self._place(scene)
+        stroke = stroke.from_further_back(STANDOFF)
+        self._check_workspace(stroke)
+        end, error = np.array([*stroke.start, self.config.tip_height]), None
+        for ways in self._tool_ways(self.arm.tip(joints), end, lowers=False):
+            for tips in ways:
+                try:
+                    return self._moved(self._led(joints, tips))
+                except (UnreachableError, BlockedError) as failure:
+                    error = error or failure
+        assert error is not None
+        raise error
 
     def _place(self, scene: Scene) -> None:
         """Take the bodies to be where a scene (N, 8) has them."""
@@ -261,8 +284,11 @@ class PushPlanner:
                 break
         return best or self._in_joint_space(start, end, beside, error)
 
-    def _tool_ways(self, start: ndarray, end: ndarray) -> Iterator[list[Tips]]:
-        """Yield ways between places (3,) of the tip: of each kind the first possible one counts."""
+    def _tool_ways(self, start: ndarray, end: ndarray, lowers: bool = True) -> Iterator[list[Tips]]:
+        """Yield ways between places (3,) of the tip: of each kind the first possible one counts.
+
+        Those above the bodies end there, unless the tool `lowers` at the end.
+        """
         config, robot = self.config, self.robot
         if max(start[2], end[2]) < config.tip_height + LOW:
             limits = robot.workspace[:2]
@@ -271,17 +297,20 @@ class PushPlanner:
                 heights = np.linspace(start[2], end[2], len(corners))[:, None]
                 places = np.concatenate([corners, heights], axis=1)
                 yield [rounded(places, size) for size in CORNERS]
+        end = end if lowers else np.array([*end[:2], config.raised])
         yield [above(start, end, config.raised, robot.base, size) for size in CORNERS]
 
-    def _led(self, start: Vector, tips: Tips, end: Vector, beside: int | None) -> Joints:
-        """Return joints (T, J) from some to others along a way, checked.
+    def _led(
+        self, start: Vector, tips: Tips, end: Vector | None = None, beside: int | None = None
+    ) -> Joints:
+        """Return joints (T, J) from some to others along a way, or in the same posture; checked.
 
         As long as the tool is where it was, and straight above, it may touch anything: it may be
         lifted off a body after a stop. A body may be beside it at the ends: straight above them, or
         along the table.
         """
         joints = _begun_at(start, self.kinematics.follow(start, tips))
-        rest = end - joints[-1]
+        rest = np.zeros_like(start) if end is None else end - joints[-1]
         if np.abs(rest).max() >= SAME:  # of the posture, at the same place
             raise UnreachableError("another posture of the arm is needed")
         joints += np.linspace(0.0, 1.0, len(joints))[:, None] * rest

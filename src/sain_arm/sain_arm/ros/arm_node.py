@@ -19,13 +19,18 @@ from sain_arm.ros.ghost import Ghost
 from sain_arm.ros.joint_listener import JointListener
 from sain_arm.ros.pushing_node import LOOK, PushingNode, Wanted
 from sain_arm.ros.trajectory_client import TrajectoryClient
+from sain_core import wire
 from sain_core.errors import BusyError, SainError
+from sain_core.feasibility import Stroke
 from sain_core.guarding.ros.reception import take_waiting
+from sain_core.push import LENGTH
 from sain_core.ros.node_main import ERROR, OK, WARN, Diagnostics, steady_timer
 from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import RADIUS
+from sain_core.types import PushArray, Scene
+from sain_interfaces.msg import Plan, Push
 
 
 class ArmNode(PushingNode):
@@ -50,6 +55,9 @@ class ArmNode(PushingNode):
             listen(JointState, "/joint_states", self.joints.listen, RELIABLE),
             listen(Bool, "enable", self._on_enable, RELIABLE),
         ]
+        self._next: PushArray | None = None  # expected after the one that is under way
+        if config.motion.ahead:
+            listen(Plan, "plan", self._on_plan, RELIABLE)
         figures = self.driver.reception
         self.diagnostics = Diagnostics(self, "arm", more=lambda: figures.figures)
         steady_timer(self, LOOK, self._report)
@@ -79,7 +87,26 @@ class ArmNode(PushingNode):
             disabled=self.enable.disabled,
             missing=self.client.missing,
             hidden=0.0 if self.driver.scene is None else self.driver.waited,
+            expects=self._expected() if self.phase is Phase.RESTS else None,
         )
+
+    def _on_plan(self, message: Plan) -> None:
+        """Take note of the push that is expected after the one that is under way."""
+        pushes = wire.decode_plan(message)[0]
+        if message.push_id == self.driver.push_id and len(pushes) > 1 and pushes[1, LENGTH] > 0.0:
+            self._next = self.driver.feasibility.limits.check(pushes[1], self.driver.before[1])
+
+    def _expected(self) -> tuple[Stroke, Scene] | None:
+        """Return the stroke that is expected next, and the bodies (N, 8) after the latest one."""
+        scene, limits = self.driver.seen_after, self.driver.feasibility.limits
+        if self._next is None or scene is None:
+            return None
+        return Stroke.of_push(scene, self._next, limits, self.driver.before[1]), scene
+
+    def begin(self, push: Push, stroke: Stroke) -> None:
+        """Take a push with its stroke; what it raises refuses the push."""
+        self._next = None
+        super().begin(push, stroke)
 
     def _on_enable(self, message: Bool) -> None:
         self.enable.listen(message)
@@ -87,12 +114,14 @@ class ArmNode(PushingNode):
             self.update(events.TimePassed())  # a goal under way is cancelled at once
 
     def plan(self, wanted: Wanted) -> PushPlan | Trajectory:
-        """Plan a push among the bodies of its episode, and show it; or the way up or home."""
+        """Plan a push among the bodies of its episode, and show it; or a way without one."""
         if isinstance(wanted, events.PlanRetreat):
             return self._planner.retreat(wanted.joints)
         if isinstance(wanted, events.PlanHome):
             assert self.driver.scene is not None
             return self._planner.home(self.driver.scene, wanted.joints, wanted.turn)
+        if isinstance(wanted, events.PlanAhead):
+            return self._planner.ahead(wanted.stroke, wanted.scene, wanted.joints)
         scene, bodies = self.driver.before
         self._planner = self._planner.among(bodies, tuple(scene[:, RADIUS].tolist()))
         plan = self._planner.plan(wanted.stroke, scene, wanted.joints)

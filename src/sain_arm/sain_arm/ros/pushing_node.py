@@ -32,7 +32,7 @@ from sain_interfaces.msg import Push
 
 LOOK: Final = 0.02  # [s] between looks at the arm
 
-Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome
+Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome | events.PlanAhead
 
 
 class PushingNode(Node, ABC):
@@ -59,7 +59,7 @@ class PushingNode(Node, ABC):
 
     @abstractmethod
     def plan(self, wanted: Wanted) -> PushPlan | Trajectory:
-        """Plan a push, or the way up or home, on the worker's thread."""
+        """Plan a push, or a way without one, on the worker's thread."""
 
     @abstractmethod
     def send(self, goal: events.Send) -> None:
@@ -93,7 +93,7 @@ class PushingNode(Node, ABC):
 
     def _do(self, action: Action) -> None:
         match action:
-            case events.PlanPush() | events.PlanRetreat() | events.PlanHome():
+            case events.PlanPush() | events.PlanRetreat() | events.PlanHome() | events.PlanAhead():
                 self.worker.submit(lambda: self.plan(action), partial(self._take_plan, action))
             case events.Send():
                 self.send(action)

@@ -30,6 +30,7 @@ from sain_core.wire.scene_door import OLD, SceneDoor, SeenScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult, Scene
 
+MARGIN: Final = 0.03  # [s], from there to a scene that shows where they stop
 AFTER: Final = 0.2  # [s], from the end of a push to the scene that shows what it led to
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
@@ -100,6 +101,17 @@ class PushDriver:
     def scene(self) -> SceneArray | None:
         """The bodies (N, 8) as they were seen last."""
         return None if self._door.seen is None else self._door.seen.disks
+
+    @property
+    def push_id(self) -> int:
+        """The id of the push that is under way; 0: none is."""
+        return int(self._push.push_id) if self.busy else 0
+
+    @property
+    def seen_after(self) -> SceneArray | None:
+        """The bodies (N, 8) as they were seen last after a stroke; None: they were not yet."""
+        seen = self._after if self.busy else None
+        return seen.disks if seen is not None and seen.stamp > self._ended + MARGIN else None
 
     @property
     def before(self) -> tuple[SceneArray, Bodies]:
