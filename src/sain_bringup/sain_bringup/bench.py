@@ -24,6 +24,8 @@ ENABLE: Final = "enable"
 ROBOT: Final = "robot"
 APART: Final = 0.2  # [m], middles of bodies in a row
 SEEN_TIMEOUT: Final = "3.0"  # [s], age of scenes that come from images drawn here
+TAG_IMAGES: Final = {"images.rate": "20.0"}
+DEPTH_IMAGES: Final = {"images.width": "640", "images.height": "480", "images.detail": "1.0"}
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Bench:
             ConfigError: it cannot.
         """
         place, bodies = self.place, read_bodies(self.bodies_file)
-        if self.camera == {}:
+        if self.camera == TAG_IMAGES:
             check_tags(bodies, place)
 
     def commands(self, ros: Sequence[str]) -> dict[str, list[str]]:

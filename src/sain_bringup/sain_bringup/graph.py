@@ -12,7 +12,7 @@ from typing import Annotated, Any, Final, TypeVar
 import tyro
 
 from sain_arm.robot.robot import read_robot, shipped
-from sain_bringup.bench import ROBOT, Bench, check_bench_engine
+from sain_bringup.bench import DEPTH_IMAGES, ROBOT, TAG_IMAGES, Bench, check_bench_engine
 from sain_core.cli.arguments import split_ros_arguments
 from sain_core.cli.command_line import command_of_node, executable
 from sain_core.config import MOST_SEED, Config, option
@@ -44,7 +44,6 @@ OWN: Final = "own"  # as `sain_sim.ros.simulator` has it
 OUTLINES_HELP: Final = "file of outlines with the bodies of `anything`; without it, your own shapes"
 SEEN_NOISE: Final = {TAGS: "0.0005,0.005", OUTLINES: "0.001,0.01"}  # [m], [rad], of poses
 SEEING: Final = {TAGS: "tag_node", OUTLINES: "outline_node"}  # nodes
-DEPTH_IMAGES: Final = {"images.width": "640", "images.height": "480", "images.detail": "1.0"}
 SEEN_BODIES: Final = "bodies.yaml"  # in the folder of states
 MODEL: Final = "model"
 PLANNER: Final = "planner"
@@ -175,7 +174,7 @@ class GraphOptions(Config):
         """The bench, where there is one."""
         if not self.faults:
             return None
-        camera = {"": None, TAGS: {}, OUTLINES: DEPTH_IMAGES}[self.see]
+        camera = {"": None, TAGS: TAG_IMAGES, OUTLINES: DEPTH_IMAGES}[self.see]
         about = (self.robot, self.faults, self.engine, self.bodies)
         return Bench(*about, self.pace, self.enable, camera)
 

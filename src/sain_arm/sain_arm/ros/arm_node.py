@@ -86,9 +86,16 @@ class ArmNode(PushingNode):
             unknown=unknown,
             disabled=self.enable.disabled,
             missing=self.client.missing,
-            hidden=0.0 if self.driver.scene is None else self.driver.waited,
+            hidden=self._hidden,
             expects=self._expected() if self.phase is Phase.RESTS else None,
         )
+
+    @property
+    def _hidden(self) -> float:
+        """For how long [s] the arm has rested, and no scene at rest has come since."""
+        rests = max(monotonic() - self.joints.changed, 0.0)
+        seen = self.driver.scene is None or self.driver.rested > self.driver.now() - rests
+        return 0.0 if seen else rests
 
     def _on_plan(self, message: Plan) -> None:
         """Take note of the push that is expected after the one that is under way."""

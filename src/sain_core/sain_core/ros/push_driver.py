@@ -73,6 +73,7 @@ class PushDriver:
         self._after: SeenScene | None = None  # the latest with as many bodies
         self._push, self._began, self._ended = Push(), 0.0, 0.0
         self._doubt: BaseException | None = None  # that the stroke has moved a body
+        self.rested = -inf  # when bodies were seen at rest last [s], of the clock of headers
         self.conflict = ""
         self.owned: tuple[str, ...] = ("push_result",)
         self._late = inf  # when bodies have moved for too long [s], of a steady clock
@@ -91,11 +92,6 @@ class PushDriver:
     def busy(self) -> bool:
         """Whether a push is under way."""
         return self._before is not None
-
-    @property
-    def waited(self) -> float:
-        """How long [s] after a stroke no scene at rest has come; 0: none is waited for."""
-        return max(self.now() - self._ended, 0.0) if self.busy else 0.0
 
     @property
     def scene(self) -> SceneArray | None:
@@ -227,6 +223,7 @@ class PushDriver:
     def _on_scene(self, message: Scene) -> None:
         """Take note of a scene; the first at rest after a push is where that led."""
         seen, before = self._door.take(message, monotonic(), self.now()), self._before
+        self.rested = seen.stamp if seen.at_rest else self.rested
         if before is None or len(seen.disks) != len(before.disks):
             return
         if find_second_publisher(self._node, ("scene",)):

@@ -26,7 +26,7 @@ from sain_core.types import Mask, Scalars, Scene, Scenes
 from sain_core.world import ObservationConfig
 
 POINTS: Final = 201  # of the integral of a probability
-FEWEST_FRAMES: Final = 4  # of noisy ones: fewer show no motion
+FEWEST_FRAMES: Final = 2  # of noisy ones: one shows no motion
 OUTLIER: Final = 3.7  # standard deviations: a prediction that is further off does not count
 MOTION: Final = 4.5  # standard deviations of a slope: more is motion
 
