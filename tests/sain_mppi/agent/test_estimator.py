@@ -37,7 +37,7 @@ def estimator():
 
 def test_as_many_frames_are_averaged_as_the_precision_needs(estimator, scene):
     assert CONFIG.frames == 25
-    assert EstimatorConfig(noise="0.001,0").frames == 4 and EstimatorConfig(delay=0.1).frames == 1
+    assert EstimatorConfig(noise="0.001,0").frames == 2 and EstimatorConfig(delay=0.1).frames == 1
     assert EstimatorConfig(noise="0.02,0.35").frames == 90  # no more, however noisy
     feed(estimator, noisy(scene, 24))
     assert estimator.estimate() is None
