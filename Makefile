@@ -75,7 +75,7 @@ table: ## results/results.md and its picture: scenarios in Bullet, its rough wor
 	@./env --with test pip install --quiet --no-deps --no-build-isolation ./examples/pusht
 	@./env ros2 run sain_eval evaluate --engine gym-pusht --scenario gym-pusht --controllers pusht --tolerances 0.01 \
 		--planner.speeds 0.32 --planner.correction-speed 0.32 --planner.samples 256 --planner.horizon 2 \
-		--planner.weights.effort 6.25 --out results/table/pusht --scenes 100 $(ARGS)
+		--out results/table/pusht --scenes 100 $(ARGS)
 	@./env ros2 run sain_eval results results/table/bullet/* results/table/rough/* results/table/mujoco/* \
 		results/table/measured/* results/table/pusht
 	@./env python -m benchmarks.results.results_figure

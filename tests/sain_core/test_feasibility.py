@@ -32,7 +32,7 @@ def dense_gap(scene: Scene, push: np.ndarray) -> float:
 @given(seeds)
 def test_the_gap_is_the_smallest_on_the_way(seed):
     scene, push = pair(), LIMITS.sample(np.random.default_rng(seed), 1)[0]
-    assert Feasibility(limits=LIMITS).assess(scene, push)[1] == pytest.approx(
+    assert Feasibility(limits=LIMITS).assess(scene, push).gaps == pytest.approx(
         dense_gap(scene, push), abs=1e-6
     )
 

@@ -291,12 +291,10 @@ class Feasibility(Config):
 
         A push must also be against a pushable body.
         """
-        return self.assess(scenes, pushes, bodies)[0]
+        return self.assess(scenes, pushes, bodies).possible
 
-    def assess(
-        self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS
-    ) -> tuple[Mask, Scalars]:
-        """Return which pushes are possible, see `mask`, and the gaps of `gap_on_way`."""
+    def assess(self, scenes: Scenes, pushes: Pushes, bodies: Bodies = PAPER_DISKS) -> "Ways":
+        """Return the tool's ways of pushes (..., 5) in scenes (..., N, 8), and what bars them."""
         limits = self.limits
         start, heading = strokes(scenes, pushes, limits, bodies)
         way = unit(heading)
@@ -305,7 +303,8 @@ class Feasibility(Config):
         possible &= gap >= self.tool_margin
         possible &= start_gap(scenes, pushes, self.limits, bodies) >= 0.0
         possible &= np.isin(pushes[..., BODY], bodies.pushable)
-        return np.asarray(possible | (pushes[..., LENGTH] == 0.0)), gap
+        possible |= pushes[..., LENGTH] == 0.0
+        return Ways(np.asarray(possible), gap, start, start + pushes[..., LENGTH, None] * way)
 
     def check_way(
         self, start: Points, way: Points, scene: Scene, push: PushArray, bodies: Bodies
@@ -333,6 +332,23 @@ class Feasibility(Config):
                 f"the tool would pass another body with a gap of {1e3 * gap:.1f} mm;"
                 f" at least {1e3 * self.tool_margin:g} mm is needed"
             )
+
+
+@dataclass(frozen=True)
+class Ways:
+    """The tool's ways of pushes.
+
+    Attributes:
+        possible: (...,), see `Feasibility.mask`.
+        gaps: (...,) [m], of `gap_on_way`.
+        start: (..., 2) [m], of the tool's axis.
+        end: (..., 2) [m].
+    """
+
+    possible: Mask
+    gaps: Scalars
+    start: Points
+    end: Points
 
 
 RETREAT: Final = 0.01  # [m], room for errors of the places that bodies are taken to have

@@ -58,8 +58,9 @@ class CostWeights(Config):
         3.0, "weight of pushing body or target near the limits of the reach", minimum=0.0
     )
     blocked: float = option(3.0, "cost of each later push that is not feasible", minimum=0.0)
-    effort: float = option(0.05, "weight of the tool's travel", unit="1/m", minimum=0.0)
-    pushes: float = option(0.01, "cost of each push of non-zero length", minimum=0.0)
+    duration: float = option(
+        0.1, "weight of the time that strokes, ways and looks take", unit="1/s", minimum=0.0
+    )
     lever: float = option(
         1.0,
         "weight of a heading, as the distance of points from a body's middle, in"
@@ -131,6 +132,7 @@ MEAN: Final = "mean"
 
 DEVIATIONS: Final = np.array([0.5, 0.3, 0.04])  # [rad, rad, m], of location, angle and length
 SHRINK: Final = 0.4  # factor on the deviations from one round to the next
+FINE: Final = 0.01  # [m], tolerance up to which pushes that correct are slowest
 WIDENING: Final = 2.0  # factor on samples and noise after large errors or without progress
 
 
@@ -200,11 +202,15 @@ class PlannerConfig(Config):
         192, "samples of the one round that corrects such a plan in the real scene", minimum=1
     )
     speeds: tuple[float, ...] = option(
-        (DEFAULT_SPEED,), "speeds among which pushes are drawn", unit="m/s", minimum=0.01
+        (DEFAULT_SPEED, 2 * DEFAULT_SPEED),
+        "speeds among which pushes are drawn; the first one where a body is hit by another",
+        unit="m/s",
+        minimum=0.01,
     )
     correction_speed: float = option(
         0.05,
-        "speed of pushes that correct: near the goal, all but the first one on the way to it",
+        "speed of pushes that correct: near the goal, all but the first one on the way to it; more"
+        " in proportion for a tolerance of over 1 cm",
         unit="m/s",
         minimum=0.01,
     )
@@ -247,6 +253,11 @@ class PlannerConfig(Config):
             noise=WIDENING * self.noise,
             warm_start=False,
         )
+
+    def speed_near(self, tolerance: float) -> float:
+        """Return the speed [m/s] of pushes that correct, for a tolerance of the goal [m]."""
+        speed = self.correction_speed * max(tolerance / FINE, 1.0)
+        return min(speed, max(self.correction_speed, *self.speeds))
 
     def correcting(self) -> Self:
         """Return settings that correct a plan that was made for almost the same scene."""

@@ -96,10 +96,16 @@ class Planner:
         deadline: float | None = None,
         prepared: PushSequences | None = None,
     ) -> Search:
-        """Return a search from the scene of a problem; with care, pushes are slow near its goal."""
+        """Return a search from the scene of a problem.
+
+        With care, pushes are slow near its goal. A body that another one hits slides on, so pushes
+        for that have the first of the speeds.
+        """
         objective = Objective(problem, config.weights)
         if self.careful and objective.distance <= config.correction_within:
-            config = replace(config, speeds=(config.correction_speed,))
+            config = replace(config, speeds=(config.speed_near(problem.goal.tolerance),))
+        elif problem.pushers != problem.goal.wanted:
+            config = replace(config, speeds=config.speeds[:1])
         return Search(self.model, config, objective, deadline, prepared)
 
 

@@ -158,7 +158,7 @@ def test_pushed_disks_move_along_with_the_push_and_gain_no_energy():
     """Nothing gets farther than the tool's way and a slide from its speed, bounce included."""
     prior, (scenes, pushes) = PlanarPrior(), draw(Bodies.disks(3), batch=200)
     pushes[:, BODY] = 0.0
-    possible = Feasibility(limits=LIMITS).assess(scenes, pushes)[1] > 0.002
+    possible = Feasibility(limits=LIMITS).assess(scenes, pushes).gaps > 0.002
     way = unit(push_direction(pushes))
     moved = (prior.step(scenes, pushes) - scenes)[..., POSITION]
     along = (moved[:, MID] * way).sum(-1)

@@ -9,19 +9,30 @@ import pytest
 from sain_core.errors import ConfigError
 from sain_core.feasibility import Feasibility
 from sain_core.goal import BodyPose, Goal
-from sain_core.push import idle_pushes
+from sain_core.push import DEFAULT_SPEED, LENGTH, LOCATION, idle_pushes
 from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, RADIUS, TARGET, unit
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
 from sain_mppi.config import CostWeights
 from sain_mppi.objective import cost
-from sain_mppi.objective.cost import Objective, pose_distance, total_cost
+from sain_mppi.objective.cost import (
+    AGAIN,
+    LOOK,
+    TRAVEL_SPEED,
+    Objective,
+    Rollout,
+    duration,
+    missed,
+    pose_distance,
+    total_cost,
+    way_around,
+)
 from sain_mppi.objective.problem import Problem
 from tests.strokes import rotate_pushes, rotate_scenes
 
 FEASIBILITY = Feasibility()
 WEIGHTS = CostWeights()
-TURNING = ("position", "distance", "alignment", "approach", "clearance", "effort", "pushes")
+TURNING = ("position", "distance", "alignment", "approach", "clearance", "duration")
 
 
 def problem_of(scene, goal, bodies=PAPER_DISKS):
@@ -155,3 +166,39 @@ def test_a_cost_of_ones_own_may_forbid_some_samples(scene, dynamics, monkeypatch
     pushes = FEASIBILITY.limits.sample(generator(0), 64).reshape(64, 1, 5)
     terms = terms_of(scene, pushes, dynamics.rollout(scene, pushes), (0.5, 0.25))
     assert np.isinf(total_cost(terms)).sum() == 32
+
+
+def test_a_way_about_a_circle_is_straight_or_touches_it():
+    """Past the circle it is a line; from side to side it is two tangents and an arc."""
+    start = np.array([[[2.0, 0.0], [2.0, 3.0], [2.0, 0.0], [1.0, 0.0]]])
+    end = np.array([[[2.0, 3.0], [-2.0, 3.0], [-2.0, 0.0], [-1.0, 0.0]]])
+    arc = 2 * (np.sqrt(3.0) + np.pi / 6)
+    ways = way_around(start, end, np.ones((1, 4)))
+    np.testing.assert_allclose(ways, [[3.0, 4.0, arc, np.pi]])
+
+
+def test_a_sequence_takes_as_long_as_its_strokes_ways_and_looks(scene, dynamics):
+    """From the same side it takes less than from the other one; rests take nothing."""
+    pushes = np.repeat(idle_pushes(1, 2), 3, axis=0)
+    pushes[..., LENGTH], pushes[:, 1, LOCATION] = 0.05, (0.0, np.pi, 0.0)
+    pushes[2, 1, LENGTH] = 0.0
+    objective = Objective(problem_of(scene, Goal.place(0.5, 0.2)), WEIGHTS)
+    predicted = dynamics.rollout(scene, pushes)
+    rollout = Rollout.of(objective, pushes, predicted)
+    same, other, one = duration(rollout, objective) - AGAIN * missed(rollout, objective)
+    stroke = 0.05 / DEFAULT_SPEED + LOOK
+    assert one == pytest.approx(stroke)
+    assert 2 * stroke < same < 2 * stroke + 0.1 / TRAVEL_SPEED < other
+    away = replace(objective.problem, tool=rollout.start[0, 0] + [-0.1, 0.0])
+    late = Objective(away, WEIGHTS)
+    behind = duration(Rollout.of(late, pushes, predicted), late) - AGAIN * missed(rollout, late)
+    np.testing.assert_allclose(behind - [same, other, one], 0.1 / TRAVEL_SPEED)
+
+
+def test_what_ends_within_its_tolerance_is_missed_by_less_than_one(scene):
+    stay = scene[None, None]
+    for off, share in ((0.0, 0.0), (0.005, 0.5), (0.01, 1.0), (0.2, 1.0)):
+        place = scene[TARGET, POSITION] + [off, 0.0]
+        objective = Objective(problem_of(scene, Goal.place(*place, tolerance=0.01)), WEIGHTS)
+        rollout = Rollout.of(objective, idle_pushes(1, 1), stay)
+        np.testing.assert_allclose(missed(rollout, objective), share)

@@ -27,7 +27,7 @@ def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
     first = plan(graph, push_id=nth_push(graph, 1).push_id)
     assert (first.samples, first.horizon, first.algorithm) == (64, 2, "mppi_rounds")
     settings = {"samples": 40, "horizon": 3, "algorithm": "mppi", "deadline": 30.0}
-    settings |= {"weights__position": [200.0, 100.0], "weights__effort": 0.0}
+    settings |= {"weights__position": [200.0, 100.0], "weights__duration": 0.0}
     done = change(**{f"planner__{name}": value for name, value in settings.items()})
     assert (done.successful, done.reason) == (True, "")
     straw.answer(nth_push(graph, 1), ErrorCode.OK, before=START, after=START)
@@ -37,7 +37,7 @@ def test_the_next_plan_is_made_with_what_was_set(graph, straw, change):
     second = plan(graph, push_id=nth_push(graph, 2).push_id)
     assert (second.samples, second.horizon, second.algorithm) == (40, 3, "mppi")
     assert (second.deadline, len(second.pushes)) == (30.0, 3 * 5)
-    assert dict(zip(second.cost_terms, second.cost_values, strict=True))["effort"] == 0.0
+    assert dict(zip(second.cost_terms, second.cost_values, strict=True))["duration"] == 0.0
 
 
 REFUSED = [

@@ -294,6 +294,9 @@ class Agent:
         episode_id, history = self._history
         if episode_id != observed.episode_id or history.disks != count:
             history = PushHistory.empty(count)
+        if len(history):
+            before = replace(problem, scene=history.state[-1])
+            problem = replace(problem, tool=before.tool_after(history.action[-1]))
         return PlanJob(task, observed, problem, tracker.session, tracker.pushes, history)
 
     def _problem(self, task: Task, observed: SceneObserved, start: SceneObserved) -> Problem:

@@ -178,7 +178,9 @@ class PlanningDecider(Decider):
         if last or replace(job, observed=expected).reached:
             return False
         self._infer(job)
-        expected_problem = replace(job.problem, scene=plan.predicted[0], refused=())
+        expected_problem = replace(
+            job.problem, scene=plan.predicted[0], tool=job.problem.tool_after(plan.push), refused=()
+        )
         self._rest = self._planner.prepare(expected_problem, generator, self._rest)
         return True
 

@@ -18,7 +18,7 @@ from numpy import ndarray
 
 from sain_core.goal import Errors
 from sain_core.model import scenes_before
-from sain_core.push import LENGTH, idle_pushes
+from sain_core.push import BODY, LENGTH, SPEED, idle_pushes
 from sain_core.scene import POSITION, RADIUS, THETA, Table, unit
 from sain_core.shapes.shape import Shape
 from sain_core.types import Mask, Place, Points, PredictedScenes, PushSequences, Scalars, Scenes
@@ -28,6 +28,11 @@ from sain_mppi.objective.problem import Problem
 DONE_WITHIN: Final = 0.01  # [m] of the goal, where alignment, approach and reach fade out
 TOOL_GAP: Final = 0.01  # [m], below which the clearance cost begins
 REACH_MARGIN: Final = 0.10  # [m] to the limits of the reach, below which its cost begins
+LOOK: Final = 0.6  # [s], to see where a push has led, to plan and to begin
+AGAIN: Final = 3.0  # [s], of one more push
+TRAVEL_SPEED: Final = 0.5  # [m/s], of the tool between strokes
+OVER: Final = 0.2  # [m] up and down, over a body
+SLOWEST: Final = 1e-3  # [m/s]
 ERROR_ROOM: Final = 0.02  # [m], for errors of predictions, where a shape is near the edge
 
 
@@ -59,6 +64,8 @@ class Rollout:
     distances: Float[ndarray, "K H"]  # [m], of bodies to their poses, summed
     possible: Mask  # (K, H), pushes that the arm can carry out when their turn comes
     gaps: Float[ndarray, "K H"]  # [m], between the tool and bodies that it does not push
+    start: Float[ndarray, "K H 2"]  # [m], where the tool begins,
+    end: Float[ndarray, "K H 2"]  # and where it ends
     relays: tuple[Relay, ...]
 
     @classmethod
@@ -66,8 +73,8 @@ class Rollout:
         """Return sequences from the scene of an objective, with their prediction."""
         problem, weights = objective.problem, objective.weights
         before, moving = scenes_before(problem.scene, predicted), pushes[..., LENGTH] > 0.0
-        possible, gaps = problem.feasibility.assess(before, pushes, problem.bodies)
-        gaps[~moving] = np.inf
+        ways = problem.feasibility.assess(before, pushes, problem.bodies)
+        gaps = np.where(moving, ways.gaps, np.inf)
         relays = []
         for pose, pusher in zip(problem.goal.poses, problem.pushers, strict=True):
             if pusher != pose.body:
@@ -77,7 +84,7 @@ class Rollout:
                 remaining = np.minimum(distance[:, -1] / DONE_WITHIN, 1.0)
                 relays.append(Relay(pusher, pose.body, place, error, distance, remaining))
         distances = pose_distance(problem, predicted, weights.lever).sum(axis=-1)
-        about = distances, possible, gaps, tuple(relays)
+        about = distances, ways.possible, gaps, ways.start, ways.end, tuple(relays)
         return cls(before, predicted, pushes, moving, *about)
 
 
@@ -308,19 +315,56 @@ def blocked(rollout: Rollout, objective: Objective) -> Scalars:
     return np.asarray((~rollout.possible).sum(axis=1, dtype=np.float64))
 
 
-def effort(rollout: Rollout, objective: Objective) -> Scalars:
-    """Return the tool's travel (K,) [m]."""
-    return np.asarray(rollout.pushes[..., LENGTH].sum(axis=1))
+def duration(rollout: Rollout, objective: Objective) -> Scalars:
+    """Return the time (K,) [s] of a sequence: strokes, ways of the tool between them, and looks.
+
+    The tool goes around the body that it pushes next, or over it, whichever is shorter. A sequence
+    that ends far from the middle of the tolerance is likely to need another push.
+    """
+    moving, scene = rollout.moving, objective.problem.scene
+    strokes = rollout.pushes[..., LENGTH] / np.maximum(rollout.pushes[..., SPEED], SLOWEST)
+    tool = objective.problem.tool
+    first = rollout.start[:, :1] if tool is None else np.broadcast_to(tool, (len(moving), 1, 2))
+    before = np.concatenate([first, rollout.end[:, :-1]], axis=1)
+    body = rollout.pushes[..., BODY].astype(np.intp)
+    middles = rollout.before[..., POSITION]
+    middle = np.take_along_axis(middles, body[..., None, None], axis=2)[:, :, 0]
+    radii = scene[:, RADIUS] * [shape.circumradius for shape in objective.bodies.shapes]
+    around = way_around(before - middle, rollout.start - middle, radii[body])
+    over = np.linalg.norm(rollout.start - before, axis=-1) + OVER
+    travel = np.minimum(around, over)
+    times = (moving * (strokes + travel / TRAVEL_SPEED + LOOK)).sum(axis=1)
+    return np.asarray(times + AGAIN * missed(rollout, objective))
 
 
-def pushes(rollout: Rollout, objective: Objective) -> Scalars:
-    """Return the number of pushes (K,) that are not of zero length."""
-    return np.asarray(rollout.moving.sum(axis=1, dtype=np.float64))
+def missed(rollout: Rollout, objective: Objective) -> Scalars:
+    """Return how far (K,) sequences end from the goal: 0 at it, 1 where a tolerance is missed."""
+    goal = objective.goal
+    apart, turns = goal.errors(rollout.after[:, -1], objective.bodies)
+    shares = [apart / [pose.tolerance for pose in goal.poses]]
+    if goal.has_heading:
+        shares.append(np.abs(turns) / [pose.heading_tolerance for pose in goal.poses])
+    return np.minimum(np.max(shares, axis=(0, 2)), 1.0)
+
+
+def way_around(
+    start: Float[ndarray, "K H 2"], end: Float[ndarray, "K H 2"], radius: Float[ndarray, "K H"]
+) -> Float[ndarray, "K H"]:
+    """Return how long [m] the shortest ways about circles at the origin are."""
+    from_middle, to_middle = np.linalg.norm(start, axis=-1), np.linalg.norm(end, axis=-1)
+    cosine = (start * end).sum(axis=-1) / np.maximum(from_middle * to_middle, 1e-12)
+    turn = np.arccos(np.clip(cosine, -1.0, 1.0))
+    total = np.zeros_like(turn)
+    for far in (from_middle, to_middle):
+        turn = turn - np.arccos(np.minimum(radius / np.maximum(far, 1e-12), 1.0))
+        total = total + np.sqrt(np.maximum(far**2 - radius**2, 0.0))
+    straight = np.linalg.norm(end - start, axis=-1)
+    return np.where(turn > 0.0, total + radius * turn, straight)
 
 
 TERMS: Final[tuple[Cost, ...]] = (
     distance, running_distance, alignment, approach, caution, reach, stranded, clearance, around,
-    overhang, keep, blocked, effort, pushes,
+    overhang, keep, blocked, duration,
 )  # fmt: skip
 """Each with the weight of its name; `position` has its own."""
 

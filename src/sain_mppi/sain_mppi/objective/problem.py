@@ -7,7 +7,7 @@ from typing import Final, Self
 import numpy as np
 
 from sain_core.errors import InvalidInputError, SainError, UnreachableError
-from sain_core.feasibility import Feasibility
+from sain_core.feasibility import Feasibility, Stroke
 from sain_core.goal import MOST_SHARED, Goal
 from sain_core.push import BODY, LENGTH, LOCATION, PATH
 from sain_core.scene import (
@@ -42,6 +42,7 @@ class Problem:
     bodies: Bodies  # shapes and roles, of N bodies
     start: Scene  # (N, 8), the scene in which the goal was given
     feasibility: Feasibility  # what the arm can do
+    tool: Place | None = None  # (2,) [m], where the tool was last; None: it is not known
     refused: tuple[PushArray, ...] = ()  # (5,) each, pushes that were refused from this scene
     shortest: float = 0.0  # [m], a first push moves its body by more: less would be lost in noise
 
@@ -86,6 +87,10 @@ class Problem:
         pushable, busy = self.bodies.pushable, {*self.goal.wanted, *self.goal.keep}
         others = (*(body for body in pushable if body not in busy), *pushable)
         return tuple(body if body in pushable else others[0] for body in self.goal.wanted)
+
+    def tool_after(self, push: PushArray) -> Place:
+        """Return where (2,) [m] the tool ends a push (5,) of this scene."""
+        return Stroke.of_push(self.scene, push, self.feasibility.limits, self.bodies).end
 
     def possible(self, pushes: Pushes) -> Mask:
         """Return which pushes (B, 5) can be carried out, and move their body."""
