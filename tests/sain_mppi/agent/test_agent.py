@@ -14,7 +14,14 @@ from sain_core.scene import POSITION, TARGET
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_core.transitions import PushHistory
 from sain_core.world import PushRecord
-from sain_mppi.agent.agent import Agent, AgentConfig, act, planning_agent
+from sain_mppi.agent.agent import (
+    KEPT_PUSHES,
+    MOST_PUSHES,
+    Agent,
+    AgentConfig,
+    act,
+    planning_agent,
+)
 from sain_mppi.agent.events import (
     Computation,
     EpisodeBegun,
@@ -168,6 +175,17 @@ def test_a_plan_rests_on_its_own_episode_s_pushes_and_on_none_if_so_configured(s
         sent = pushed(act(agent, SceneObserved(scene, episode, 1)))
         act(agent, PushEnded(sent.push_id, ErrorCode.OK))
     assert (model.conditioned, physics.conditioned) == ([int(history), 0], [])
+
+
+def test_a_long_history_loses_many_pushes_at_once(scene):
+    """A model goes on from the history before: one without its oldest push begins anew."""
+    for number in range(MOST_PUSHES + 3):
+        model = Still()
+        agent = planning_agent(model, model, CONFIG)
+        act(agent, *[executed(SOMEBODY, PUSH, scene, scene)] * number)
+        begun(agent, scene)
+        kept = number if number < MOST_PUSHES else number - MOST_PUSHES + KEPT_PUSHES
+        assert model.conditioned[0] == kept
 
 
 def work(agent, *events) -> Computation:

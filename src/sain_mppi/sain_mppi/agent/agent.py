@@ -48,7 +48,9 @@ logger = logging.getLogger(__name__)
 
 SERVICE: Final = "service"
 IN_PROCESS: Final = "in_process"
-MOST_PUSHES: Final = 20  # of an episode, the latest; more would tell little and cost time
+MOST_PUSHES: Final = 40  # of an episode; more would tell little and cost time
+# The latest, that are kept then: without the oldest one, a model infers anew from all others.
+KEPT_PUSHES: Final = 20
 MOST_EARLY: Final = 500  # scenes that are kept until their bodies are given
 SHORTEST: Final = 4.0  # standard deviations of places: a shorter way of a body is lost in noise
 MOST_EPISODES: Final = 16  # others than the present one, whose bodies are kept
@@ -243,7 +245,8 @@ class Agent:
         except InvalidInputError as error:
             logger.warning("a push is left out of the history: %s", error)
             return
-        self._history = episode_id, history.latest(MOST_PUSHES)
+        full = len(history) >= MOST_PUSHES
+        self._history = episode_id, history.latest(KEPT_PUSHES) if full else history
 
     def _end_push(self, push_id: int, code: int, time: float) -> None:
         self._estimator.ended(push_id, code, time)
