@@ -27,6 +27,7 @@ from sain_bringup.graph import (
     MODEL,
     PLANNER,
     SCENES,
+    TAGS,
     GraphOptions,
     graph_commands,
     ros_arguments,
@@ -49,6 +50,7 @@ START: Final = 120.0  # [s] for a graph to come up
 LONGEST: Final = 120.0  # [s] for a goal, then it has failed
 MOVES: Final = 0.01  # [rad/s], of a joint
 SPIN: Final = 0.02  # [s]
+VIEW: Final = 31.0  # [degrees], of the camera, vertical: tags of letters are 18 mm wide
 ENDED: Final = (Plan.REACHED, Plan.NO_PUSH, Plan.EXHAUSTED)
 
 
@@ -231,6 +233,8 @@ def trial(options: GraphOptions, folder: Path) -> Iterator[Trial]:
         commands = graph_commands(options, ros_arguments(()), folder)
         # Not on `poses`: scene_node listens there, and the graph sees by its camera alone.
         commands[SERVER] += ["-p", "poses:=true", "-r", f"poses:={TRUTH}"]
+        if options.see == TAGS:
+            commands[SERVER] += ["-p", f"images.field_of_view:={VIEW}"]
         start_commands(supervisor, commands)
         run = Trial(supervisor, client, executor, read_bodies(options.bench.bodies_file))
         nodes = (MODEL, PLANNER, SCENES)

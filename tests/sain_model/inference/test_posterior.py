@@ -199,6 +199,22 @@ def test_a_long_history_takes_few_steps_and_the_same_ones_as_one_push_after_the_
     assert warm.place.tobytes() == cold.place.tobytes()
 
 
+def test_the_parts_of_an_episode_are_kept_so_that_each_push_is_one_step(random_pushes, monkeypatch):
+    """Each push is predicted from those before it, for the regions: all parts, after each push."""
+    history, kind = observed(seen(random_pushes, TEXTBOOK, 12)), friction_kind(PlanarPrior())
+    steps, then = [], Trace.then
+    monkeypatch.setattr(Trace, "then", lambda *known: steps.append(0) or then(*known))
+    inference._place_of.cache_clear()
+    for count in range(1, 13):
+        some, parts = history.select(slice(count)), list(range(1, count + 1))
+        warm = traces(kind, some, Known.first(count, parts))
+    assert len(steps) == 12
+    inference._place_of.cache_clear()
+    cold = traces(kind, history, Known.first(12, list(range(1, 13))))
+    for one, other in zip(warm, cold, strict=True):
+        assert one.place.tobytes() == other.place.tobytes()
+
+
 def test_values_that_are_given_are_told_apart_by_their_names(belief, random_pushes):
     history, kind = observed(seen(random_pushes, TEXTBOOK, 3)), belief.kinds[TEXTBOOK_SECOND]
     places = []

@@ -66,7 +66,7 @@ class ArmState:
         unknown: why there are no joints.
         disabled: why the arm is not enabled; empty: it is.
         missing: why no controller takes goals; empty: one does.
-        hidden: for how long [s] no scene at rest has come since the arm rests.
+        hidden: for how long [s] the arm has rested, and no scene at rest has come.
         expects: the next stroke, and the bodies (N, 8) after the latest one, if both are known.
     """
 

@@ -23,7 +23,7 @@ from sain_core.scene import unit
 WAIT: Final = 1.0  # [s] for the enable signal, the controller or the arm, before a push is refused
 FINDING: Final = 40.0  # [s] for the table of reach; a planner waits for 60
 ARRIVED: Final = 0.02  # [rad], of a joint from the end of its goal
-HIDES: Final = 1.5  # [s] after a stroke without a scene at rest: the arm may hide a body
+HIDES: Final = 1.0  # [s] after a stroke without a scene at rest: the arm may hide a body
 LAG: Final = 0.3  # [s] by which joints, and states of them, may be behind a goal
 AGAIN: Final = 0.6  # [s] of rest after a goal that failed: a planner gives up after 10 in a row
 

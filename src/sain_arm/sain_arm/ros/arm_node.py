@@ -92,10 +92,11 @@ class ArmNode(PushingNode):
 
     @property
     def _hidden(self) -> float:
-        """For how long [s] the arm has rested, and no scene at rest has come since."""
-        rests = max(monotonic() - self.joints.changed, 0.0)
-        seen = self.driver.scene is None or self.driver.rested > self.driver.now() - rests
-        return 0.0 if seen else rests
+        """For how long [s] the arm has rested, and no scene at rest has come."""
+        if self.driver.scene is None:
+            return 0.0
+        rests, unseen = monotonic() - self.joints.changed, self.driver.now() - self.driver.rested
+        return max(min(rests, unseen), 0.0)
 
     def _on_plan(self, message: Plan) -> None:
         """Take note of the push that is expected after the one that is under way."""

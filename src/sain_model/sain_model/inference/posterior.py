@@ -232,7 +232,7 @@ ANEW: Final = frozenset(GROWING[::4])  # there a fit from the grid is tried: a b
 STEPS: Final = 3  # of such a fit
 CHANGED: Final = float(np.log(0.05))  # of the probability that a body or a table changes
 LATEST: Final = 8  # pushes, of which two may show a change
-KEPT: Final = 64  # latest histories: of 500 pushes of two bodies, 32 MB
+KEPT: Final = 96  # latest histories: of 500 pushes of two bodies, 48 MB
 
 
 @dataclass(frozen=True, eq=False)
@@ -347,21 +347,25 @@ def traces(kind: Kind, pushes: ObservedPushes, known: Known) -> list[Trace]:
     pushes = replace(pushes, episode=np.zeros(len(pushes), np.int64))
     curves, rows = curves_of(kind, pushes), np.split(known.push, np.cumsum(known.counts)[:-1])
     before, chain = Trace.before(kind, pushes.disks), list[tuple[Indices, Trace]]()
+    few = len(rows) <= KEPT // 2
     found = [before] * len(rows)
     for number in sorted(range(len(rows)), key=lambda row: rows[row].tolist()):
         row = rows[number]
         steps = [row[:count] for count in (*COUNTS[: bisect_left(COUNTS, len(row))], len(row))]
         while chain and not any(np.array_equal(chain[-1][0], some) for some in steps):
             chain.pop()
-        for some in steps[:-3:-1] if not chain else ():
+        for some in steps[:-3:-1] if few else ():
+            if chain and len(some) <= len(chain[-1][0]):
+                break
             if kept := _place_of(kind, pushes.bodies, _key(pushes, some)):
-                chain = [(some, kept[0])]
+                chain.append((some, kept[0]))
                 break
         for some in steps[sum(len(some) <= len(chain[-1][0]) for some in steps) if chain else 0 :]:
             last = chain[-1][1] if chain else before
             chain.append((some, last.then(kind, pushes.select(some), curves[some])))
         found[number] = chain[-1][1]
-    for some, trace in chain[-2:] if len(rows) == 1 else ():
+    latest = chain[-2:] if len(rows) == 1 else zip(rows, found, strict=True) if few else ()
+    for some, trace in latest:
         _place_of(kind, pushes.bodies, _key(pushes, some))[:] = [trace]
     return found
 
