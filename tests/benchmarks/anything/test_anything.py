@@ -84,6 +84,7 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
                 "broken": ["limits {}, contacts {}, tool 3"],
             },
             "ur5 tags jug": {"goals": [played(9.0)], "broken": ["limits {}, contacts {}, tool 3"]},
+            "ur5 tags block+jug": {"goals": [played(30.0)], "broken": []},
         },
         "theirs": read_times(times),
         "flat": {"block": "yes", "jug": "no"},
@@ -93,13 +94,15 @@ def test_the_page_has_our_times_beside_those_of_others(tmp_path):
         "| block | 2/3 | 5.0 | 20.0 | 0.25 | 5.0 | 30.0 | 5.8 | 52.0 | 6.0 | 60.0 | yes |" in text
     )
     assert "| jug | 1/1 | 9.0 | - | - | 9.0 | - | 9.0 | - | 9.0 | - | no |" in text
+    assert "## ur5, seen by tags, several bodies at once" in text
+    assert "| block+jug | 1/1 | 30.0 | - | - | 30.0 | 96 | 30.0 |" in text
     assert "limit, and no part of the arm but the tool touched anything." in text
     assert (
         "2 of 3 goals were reached (66.7%), median 5.0 s, worst 6.0 s." in text
         and "block: 120 s are over" in text
     )
     assert "| 1 | 0 | fedcba987-dirty | a CPU |" in text
-    assert "| 3 | 0 | 0123456789ab | a CPU |" in text
+    assert "| 4 | 0 | 0123456789ab | a CPU |" in text
     assert read_times(tmp_path / "none.json") == {}
 
 
