@@ -21,6 +21,7 @@ from sain_bringup.movie import (
     write_words,
 )
 from sain_core.camera.image_camera import ImageCameraConfig
+from sain_core.errors import DatasetError
 from sain_core.scene import RADIUS
 from sain_core.view.palette import PALETTE
 
@@ -39,9 +40,11 @@ def film(bags: Mapping[str, tuple[Path, str]]) -> bytes:
     """Return a GIF of bags side by side, by titles; each with the robot that moved in it.
 
     Raises:
-        DatasetError: a bag is damaged.
+        DatasetError: a bag is damaged, or none has a goal.
     """
     clips = [clip(Bag(path), robot, title) for title, (path, robot) in bags.items()]
+    if not any(clips):
+        raise DatasetError(f"no goal is in the recordings of {', '.join(bags)}; give --film others")
     return encode_gif(side_by_side([one for one in clips if one]), RATE, COLOURS)
 
 

@@ -179,6 +179,17 @@ def test_a_push_that_comes_on_the_way_follows_it_without_a_rest() -> None:
     assert approach.trajectory is PLAN.approach
 
 
+def test_the_arm_goes_on_only_from_where_its_stroke_ended() -> None:
+    """Somebody may have moved it since, or may while it is not enabled."""
+    for arm in (at(BESIDE), at(END, disabled="not enabled"), replace(at(None), unknown="no")):
+        (one,) = in_phase(Phase.RESTS)
+        assert one.update(TimePassed(), replace(arm, expects=EXPECTED)) == []
+        assert one.update(TimePassed(), at(END, expects=EXPECTED)) == []
+    (one,) = in_phase(Phase.RESTS)
+    assert one.update(TimePassed(), at(END)) == []
+    assert one.update(TimePassed(), at(END, expects=EXPECTED))
+
+
 def test_a_push_from_the_end_of_a_way_that_failed_is_refused() -> None:
     for steps in (
         [(GoalEnded(ABORTED), at(END)), (PushPlanned(PLAN), at(END))],
@@ -188,7 +199,7 @@ def test_a_push_from_the_end_of_a_way_that_failed_is_refused() -> None:
     ):  # fmt: skip
         one = on_the_way()
         actions = [action for event, arm in steps for action in one.update(event, arm)]
-        assert isinstance(actions[-1], Refused) and one.phase is Phase.RESTS
+        assert isinstance(actions[-1].error, BusyError) and one.phase is Phase.RESTS
         assert not any(isinstance(action, Send) for action in actions)
 
 

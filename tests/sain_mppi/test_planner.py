@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from sain_core.feasibility import Feasibility
 from sain_core.goal import Goal
-from sain_core.push import LENGTH, SPEED, make_push
+from sain_core.push import LENGTH, SPEED, PushLimits, make_push
 from sain_core.randomness import generator
 from sain_core.scene import MID, POSITION, TARGET, make_scene, unit
 from sain_core.shapes.bodies import PAPER_DISKS
@@ -93,6 +94,9 @@ def test_pushes_have_the_speeds_that_are_given_and_are_slow_near_the_goal(scene,
         near = Goal.place(*scene[TARGET, POSITION] + [0.02, 0.0], tolerance)
         slow = plans.plan(problem(scene, near), generator(1)).pushes
         np.testing.assert_allclose(slow[:, SPEED], speed)
+    slower = Feasibility(limits=PushLimits(max_speed=0.25))
+    allowed = plans.plan(replace(problem(scene, near), feasibility=slower), generator(1)).pushes
+    np.testing.assert_allclose(allowed[:, SPEED], 0.25)
     plans = replace(plans, careful=False)
     own = Goal.place(*scene[MID, POSITION] + [0.3, 0.0], body=MID)
     drawn = plans.plan(problem(scene, own), generator(0)).pushes

@@ -101,12 +101,14 @@ class Planner:
         With care, pushes are slow near its goal. A body that another one hits slides on, so pushes
         for that have the first of the speeds.
         """
-        objective = Objective(problem, config.weights)
+        objective, speeds = Objective(problem, config.weights), config.speeds
         if self.careful and objective.distance <= config.correction_within:
-            config = replace(config, speeds=(config.speed_near(problem.goal.tolerance),))
+            speeds = (config.speed_near(problem.goal.tolerance),)
         elif problem.pushers != problem.goal.wanted:
-            config = replace(config, speeds=config.speeds[:1])
-        return Search(self.model, config, objective, deadline, prepared)
+            speeds = speeds[:1]
+        limits = problem.feasibility.limits
+        allowed = tuple(min(max(speed, limits.min_speed), limits.max_speed) for speed in speeds)
+        return Search(self.model, replace(config, speeds=allowed), objective, deadline, prepared)
 
 
 def _resumed(problem: Problem, config: PlannerConfig, start: WarmStart) -> PushSequences:

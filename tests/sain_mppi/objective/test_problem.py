@@ -8,6 +8,7 @@ import pytest
 
 from sain_core.errors import InvalidInputError, OffTableError, SainError, UnreachableError
 from sain_core.goal import BodyPose, Goal
+from sain_core.push import SPEED, make_push
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import Bodies
 from sain_mppi.objective.problem import Problem
@@ -83,3 +84,13 @@ def moved(wanted, places):
 def test_what_no_place_helps_names_none():
     with pytest.raises(InvalidInputError, match=r"body 2 is fixed; it cannot be moved to a goal$"):
         Problem.of(SCENE, Goal((BodyPose(2, 0.5, 0.0),)), BODIES)
+
+
+def test_a_push_that_was_refused_may_be_tried_again_much_slower(scene):
+    """The joints of an arm may have been too slow for it."""
+    problem = Problem.of(scene, Goal.place(0.7, 0.05))
+    tried = np.stack([make_push(0.0, 0.0, 0.1)] * 3)
+    tried[:, SPEED] = 0.4, 0.35, 0.2
+    assert problem.permitted(tried).all()
+    refused = replace(problem, refused=(tried[0],))
+    assert refused.permitted(tried).tolist() == [False, False, True]

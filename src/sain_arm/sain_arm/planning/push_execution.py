@@ -169,7 +169,7 @@ class PushExecution:
         if self._plan is None or self._goal is not None:
             return []
         if self._way_failed is not None:
-            return self._refuse(_before_body(self._way_failed))
+            return self._refuse(BusyError(f"{self._way_failed}, on the way to wait for a push"))
         self.phase = Phase.APPROACHES
         return self._send(self._plan.approach, arm, touches=True)
 
@@ -211,7 +211,7 @@ class PushExecution:
         if self._goal is None or self._arrives is None:
             return []
         end = self._goal.positions[-1]
-        off = np.inf if arm.joints is None else float(np.abs(arm.joints - end).max())
+        off = np.inf if arm.joints is None else _apart(arm.joints, end)
         if off <= ARRIVED:
             return self._take_ending(Ending(Ended.SUCCEEDED), arm)
         if arm.time <= self._arrives:
@@ -329,7 +329,10 @@ class PushExecution:
     def _try_ahead(self, arm: ArmState) -> list[Action]:
         """Go on to near the next push, as soon as bodies are seen where the stroke has led."""
         joints = self._ended_at
-        if joints is None or arm.expects is None or arm.stopped or self.frozen(arm.changed):
+        moved = arm.joints is None or (joints is not None and _apart(arm.joints, joints) > ARRIVED)
+        if moved or arm.stopped:  # who moves it then may leave it anywhere
+            self._ended_at = joints = None
+        if joints is None or arm.expects is None or self.frozen(arm.changed):
             return []
         self.phase, self._ended_at = Phase.TRAVELS, None
         return [events.PlanAhead(*arm.expects, joints)]
@@ -358,6 +361,11 @@ class PushExecution:
     def _end_push(self) -> None:
         self._stroke, self._plan = None, None
         self.phase = Phase.RESTS if self._goal is None else Phase.TRAVELS
+
+
+def _apart(joints: Vector, others: Vector) -> float:
+    """Return by how much [rad] a joint differs most."""
+    return float(np.abs(joints - others).max())
 
 
 def _before_body(ending: Ending) -> CancelledError:

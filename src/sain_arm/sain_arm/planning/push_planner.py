@@ -24,7 +24,7 @@ from sain_arm.robot.arm_model import ArmModel, Contact
 from sain_arm.robot.robot import Joints, Robot, Vector
 from sain_core.errors import BlockedError, SainError, UnreachableError
 from sain_core.feasibility import Stroke
-from sain_core.scene import unit
+from sain_core.scene import VELOCITY, unit
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Points, Scene
 
@@ -34,6 +34,7 @@ ENOUGH: Final = 0.15  # [rad], margin with which the present branch is kept with
 BRANCHES: Final = 6  # drawn at random
 STANDOFF: Final = 0.03  # [m], behind a stroke that is expected, for errors of what is expected
 SAME: Final = 0.1  # [rad], within which two ways end in one posture
+SLOW: Final = 0.02  # [m/s], [rad/s], of a body that is all but at rest
 LEVEL: Final = 1e-4  # [m], within which tips are at one place or height
 LOW: Final = 0.005  # [m] above the tip's height in a stroke, up to which it may go along the table
 WITHDRAWAL: Final = 0.005  # [m], backwards at the end of a stroke
@@ -135,7 +136,7 @@ class PushPlanner:
     def ahead(self, stroke: Stroke, scene: Scene, joints: Vector) -> Trajectory:
         """Return the way from joints (J,) to behind where a stroke begins, or high above that.
 
-        It touches nothing, and keeps away from the body.
+        It touches nothing, and keeps away from the body. While bodies move it is above all of them.
 
         Raises:
             UnreachableError: there is none.
@@ -145,7 +146,8 @@ class PushPlanner:
         stroke = stroke.from_further_back(STANDOFF)
         self._check_workspace(stroke)
         end, error = np.array([*stroke.start, self.config.tip_height]), None
-        for ways in self._tool_ways(self.arm.tip(joints), end, lowers=False):
+        start, moves = self.arm.tip(joints), np.abs(scene[:, VELOCITY]).max() > SLOW
+        for ways in list(self._tool_ways(start, end, lowers=False))[-1 if moves else 0 :]:
             for tips in ways:
                 try:
                     return self._moved(self._led(joints, tips))

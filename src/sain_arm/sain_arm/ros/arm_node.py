@@ -29,6 +29,7 @@ from sain_core.ros.parameters import read_parameters
 from sain_core.ros.push_driver import PushDriver
 from sain_core.ros.qos import RELIABLE
 from sain_core.scene import RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.types import PushArray, Scene
 from sain_interfaces.msg import Plan, Push
 
@@ -55,7 +56,8 @@ class ArmNode(PushingNode):
             listen(JointState, "/joint_states", self.joints.listen, RELIABLE),
             listen(Bool, "enable", self._on_enable, RELIABLE),
         ]
-        self._next: PushArray | None = None  # expected after the one that is under way
+        # expected after the push that is under way, and the bodies of that
+        self._next: tuple[PushArray, Bodies] | None = None
         if config.motion.ahead:
             listen(Plan, "plan", self._on_plan, RELIABLE)
         figures = self.driver.reception
@@ -92,24 +94,24 @@ class ArmNode(PushingNode):
 
     @property
     def _hidden(self) -> float:
-        """For how long [s] the arm has rested, and no scene at rest has come."""
-        if self.driver.scene is None:
-            return 0.0
-        rests, unseen = monotonic() - self.joints.changed, self.driver.now() - self.driver.rested
-        return max(min(rests, unseen), 0.0)
+        """For how long [s] the arm has rested after a stroke, and no scene at rest has come."""
+        return max(min(monotonic() - self.joints.changed, self.driver.unseen), 0.0)
 
     def _on_plan(self, message: Plan) -> None:
         """Take note of the push that is expected after the one that is under way."""
         pushes = wire.decode_plan(message)[0]
-        if message.push_id == self.driver.push_id and len(pushes) > 1 and pushes[1, LENGTH] > 0.0:
-            self._next = self.driver.feasibility.limits.check(pushes[1], self.driver.before[1])
+        own = self.driver.busy and message.push_id == self.driver.push_id
+        if own and len(pushes) > 1 and pushes[1, LENGTH] > 0.0:
+            bodies = self.driver.before[1]
+            self._next = self.driver.feasibility.limits.check(pushes[1], bodies), bodies
 
     def _expected(self) -> tuple[Stroke, Scene] | None:
         """Return the stroke that is expected next, and the bodies (N, 8) after the latest one."""
         scene, limits = self.driver.seen_after, self.driver.feasibility.limits
-        if self._next is None or scene is None:
+        if self._next is None or scene is None or len(scene) != len(self._next[1]):
             return None
-        return Stroke.of_push(scene, self._next, limits, self.driver.before[1]), scene
+        push, bodies = self._next
+        return Stroke.of_push(scene, push, limits, bodies), scene
 
     def begin(self, push: Push, stroke: Stroke) -> None:
         """Take a push with its stroke; what it raises refuses the push."""

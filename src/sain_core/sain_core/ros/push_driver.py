@@ -32,6 +32,7 @@ from sain_interfaces.msg import Push, PushResult, Scene
 
 MARGIN: Final = 0.03  # [s], from there to a scene that shows where they stop
 AFTER: Final = 0.2  # [s], from the end of a push to the scene that shows what it led to
+LONGEST_UNSEEN: Final = 20.0  # [s] after a stroke, in which an arm makes room for a camera
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
 PAUSE: Final = 10.0  # [s] between lines of the log that say the same
 LOOK: Final = 0.5  # [s] between looks for a second robot, and for bodies that do not come to rest
@@ -73,7 +74,7 @@ class PushDriver:
         self._after: SeenScene | None = None  # the latest with as many bodies
         self._push, self._began, self._ended = Push(), 0.0, 0.0
         self._doubt: BaseException | None = None  # that the stroke has moved a body
-        self.rested = -inf  # when bodies were seen at rest last [s], of the clock of headers
+        self._rested = -inf  # when bodies were seen at rest last [s], of the clock of headers
         self.conflict = ""
         self.owned: tuple[str, ...] = ("push_result",)
         self._late = inf  # when bodies have moved for too long [s], of a steady clock
@@ -92,6 +93,15 @@ class PushDriver:
     def busy(self) -> bool:
         """Whether a push is under way."""
         return self._before is not None
+
+    @property
+    def unseen(self) -> float:
+        """How long [s] no scene at rest has come after a stroke; 0: none is waited for any more."""
+        seen, now = self._door.seen, self.now()
+        waits = 0.0 <= now - self._ended < LONGEST_UNSEEN
+        if not waits or seen is None or seen.episode_id != self._push.episode_id:
+            return 0.0
+        return max(now - max(self._rested, self._ended), 0.0)
 
     @property
     def scene(self) -> SceneArray | None:
@@ -223,7 +233,7 @@ class PushDriver:
     def _on_scene(self, message: Scene) -> None:
         """Take note of a scene; the first at rest after a push is where that led."""
         seen, before = self._door.take(message, monotonic(), self.now()), self._before
-        self.rested = seen.stamp if seen.at_rest else self.rested
+        self._rested = seen.stamp if seen.at_rest else self._rested
         if before is None or len(seen.disks) != len(before.disks):
             return
         if find_second_publisher(self._node, ("scene",)):

@@ -325,7 +325,10 @@ def duration(rollout: Rollout, objective: Objective) -> Scalars:
     strokes = rollout.pushes[..., LENGTH] / np.maximum(rollout.pushes[..., SPEED], SLOWEST)
     tool = objective.problem.tool
     first = rollout.start[:, :1] if tool is None else np.broadcast_to(tool, (len(moving), 1, 2))
-    before = np.concatenate([first, rollout.end[:, :-1]], axis=1)
+    ends = [first[:, 0]]
+    for push in range(rollout.moving.shape[1] - 1):  # a rest leaves the tool where it is
+        ends.append(np.where(moving[:, push, None], rollout.end[:, push], ends[-1]))
+    before = np.stack(ends, axis=1)
     body = rollout.pushes[..., BODY].astype(np.intp)
     middles = rollout.before[..., POSITION]
     middle = np.take_along_axis(middles, body[..., None, None], axis=2)[:, :, 0]

@@ -9,7 +9,7 @@ import numpy as np
 from sain_core.errors import InvalidInputError, SainError, UnreachableError
 from sain_core.feasibility import Feasibility, Stroke
 from sain_core.goal import MOST_SHARED, Goal
-from sain_core.push import BODY, LENGTH, LOCATION, PATH
+from sain_core.push import BODY, LENGTH, LOCATION, PATH, SPEED
 from sain_core.scene import (
     OVERLAP_TOLERANCE,
     RADIUS,
@@ -25,6 +25,7 @@ from sain_core.types import Mask, Place, Points, PushArray, Pushes, Scene
 
 SEEN_OVERLAP: Final = 0.02  # [m], deepest that bodies may seem to overlap
 SIDES: Final = 72  # from which a goal is looked at
+SLOWER: Final = 0.75  # share of the speed of a refused push, below which it may be tried again
 REFUSED_NEARBY: Final = np.array([0.15, 0.15, 0.02])  # [rad, rad, m], too like a refused push
 SLIDE: Final = 0.03  # [m], how far bodies may slide on behind a tool that stops
 COARSE: Final = 0.01  # [m] between places of the table that are tried as goals
@@ -105,7 +106,9 @@ class Problem:
         for one in self.refused:
             apart = np.abs(pushes - one)
             apart[:, LOCATION] = np.abs(wrap_angle(pushes[:, LOCATION] - one[LOCATION]))
-            ok &= (apart[:, PATH] > REFUSED_NEARBY).any(axis=1) | (apart[:, BODY] > 0.0)
+            slower = pushes[:, SPEED] < SLOWER * one[SPEED]  # a joint may have been too slow
+            other = (apart[:, PATH] > REFUSED_NEARBY).any(axis=1) | (apart[:, BODY] > 0.0)
+            ok &= other | slower
         return ok
 
     def check_goal(self) -> None:
