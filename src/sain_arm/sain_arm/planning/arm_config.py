@@ -25,7 +25,6 @@ class MotionConfig(Config):
     acceleration: float = option(
         4.0, "of the tool in a stroke", unit="m/s^2", minimum=0.1, maximum=20.0
     )
-
     ahead: bool = option(
         True, "go on after a stroke to where the next one is expected, while bodies come to rest"
     )

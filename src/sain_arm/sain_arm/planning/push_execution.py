@@ -242,7 +242,7 @@ class PushExecution:
         return _unless_succeeded(ending, "the arm is not where it was to wait")
 
     def _after_approach(self, ending: Ending, arm: ArmState) -> list[Action]:
-        """Push, unless the approach failed, or was to be cancelled and had come to its end."""
+        """Push, unless the approach failed."""
         if ending.how is not Ended.SUCCEEDED:
             return self._refuse(_before_body(ending))
         assert self._plan is not None

@@ -30,7 +30,7 @@ from sain_core.wire.scene_door import OLD, SceneDoor, SeenScene
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Push, PushResult, Scene
 
-MARGIN: Final = 0.03  # [s], from there to a scene that shows where they stop
+MARGIN: Final = 0.03  # [s], from the end of a stroke to a scene in which bodies are after it
 AFTER: Final = 0.2  # [s], from the end of a push to the scene that shows what it led to
 LONGEST_UNSEEN: Final = 20.0  # [s] after a stroke, in which an arm makes room for a camera
 LONGEST: Final = 45.0  # [s] that bodies may move after a push; the planner waits for 60
