@@ -111,7 +111,7 @@ def _summary(found: Mapping[str, Any], ours: Mapping[str, Any]) -> str:
     lines = [
         f"Of the bodies that are flat, or roughly so, {len(times)} of {len(goals)} goals were reached"
         f" ({len(times) / len(goals):.1%}){spread}."
-        f" No joint moved in {at_rest:.0%} of the time; {busy:.0%} of the cores were busy.",
+        f" No joint moved in {at_rest:.0%} of the time; the graph took {busy:.0%} of the cores.",
         *_broken(reports),
         *([f"Not reached: {'; '.join(failed)}."] if failed else []),
     ]

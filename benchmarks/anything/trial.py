@@ -6,7 +6,7 @@ goal's clock runs from its message to the first scene at rest within tolerance, 
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict, dataclass
 from math import inf
 from pathlib import Path
@@ -65,7 +65,7 @@ class Played:
         off_mm: largest distance of a body from its goal, as simulated, at that moment.
         off_degrees: likewise of a heading.
         at_rest: share of the time in which no joint moved: seeing, planning, waiting.
-        busy: share of the machine's cores that was busy.
+        busy: share of the machine's cores that the graph took, the simulated table among it.
         failure: why it was not reached; empty: it was.
     """
 
@@ -172,7 +172,7 @@ class Trial:
         stamp = client.get_clock().now().to_msg()
         message = encode_goal(goal, stamp=stamp, goal_id=self.goals, episode_id=0, max_pushes=0)
         began = client.starts()
-        psutil.cpu_percent()
+        worked = processor_time()
         client.goal.publish(message)
         reached_at = inf
 
@@ -196,7 +196,7 @@ class Trial:
             off_mm=1e3 * judged.distance,
             off_degrees=float(np.degrees(judged.turn)),
             at_rest=client.resting / took,
-            busy=psutil.cpu_percent() / 100.0,
+            busy=(processor_time() - worked) / (took * psutil.cpu_count()),
             failure=failure,
         )
 
@@ -210,6 +210,16 @@ class Trial:
             return False
         seen = wire.decode_disks(self.client.scene.disks)
         return goal.judge(seen, seen, self.bodies.bodies).met
+
+
+def processor_time() -> float:
+    """Return the processor time [s] of this process and of all that it started, so far."""
+    me, spent = psutil.Process(), 0.0
+    for process in (me, *me.children(recursive=True)):
+        with suppress(psutil.NoSuchProcess):  # it has just ended
+            times = process.cpu_times()
+            spent += times.user + times.system
+    return spent
 
 
 @contextmanager
