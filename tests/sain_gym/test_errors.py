@@ -27,7 +27,7 @@ def test_a_scene_with_more_bodies_than_the_first_is_refused(make, monkeypatch):
 @pytest.mark.parametrize(
     ("action", "kind", "message"),
     [
-        ([0.0, 0.0, NAN, 0.1, 0.2], InvalidInputError, "angle of the action is nan; it must be"),
+        ([0.0, 0.0, NAN, 0.1, 0.2], InvalidInputError, "angle of the action is nan; must be"),
         ([0.0, 0.1], InvalidInputError, r"shape \(2,\); needed: numbers with shape \(5,\) \(body"),
         (["a", "b", "c"], InvalidInputError, "an array of <U1"),
         ([True, False, True], InvalidInputError, "an array of bool"),

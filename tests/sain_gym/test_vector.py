@@ -27,7 +27,7 @@ def test_each_is_as_if_alone_and_nan_for_one_is_an_error(make):
             for name in ("distance", "refusal", "scene_seed", "pushes"):
                 assert many[-1][name][index] == one[-1][name]
     actions[0][1, LENGTH] = np.nan
-    with pytest.raises(InvalidInputError, match="length of the action is nan; it must be finite"):
+    with pytest.raises(InvalidInputError, match="length of the action is nan; must be finite"):
         envs.step(actions[0])
     envs.close()
     envs.close()  # a second call does nothing

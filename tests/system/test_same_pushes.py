@@ -26,7 +26,7 @@ RANDOMISED, ROUGH = TruthConfig(), TruthConfig(world="rough")
 PLAYED = [("anywhere", 0, RANDOMISED), ("clutter", 3, ROUGH), ("anywhere_cube", 2, RANDOMISED)]
 
 
-def play_on_graph(graph, number, case):
+def play_on_graph(graph, number, case, tolerance=TOLERANCE):
     """Return the executed pushes (P, 5) of an episode, its last scene, and how it ended."""
     first = graph.reset(
         seed=case.seed,
@@ -37,7 +37,7 @@ def play_on_graph(graph, number, case):
     )
     episode = first.episode_id
     graph.aim(
-        case.goal.places[0], number, TOLERANCE, episode_id=episode, max_pushes=case.max_pushes
+        case.goal.places[0], number, tolerance, episode_id=episode, max_pushes=case.max_pushes
     )
 
     def ended():
@@ -68,6 +68,25 @@ def test_the_graph_and_evaluate_play_the_same_pushes(graph, full_motion):
         assert (refused, reached) == (outcome.refusals, outcome.failure == "")
         counts.append(len(pushes))
     assert min(counts) >= 2
+
+
+def test_a_policy_of_a_stranger_pushes_in_the_graph_as_in_evaluate(graph):
+    """And its refused pushes move nothing."""
+    name = "tests.policies:straight"
+    graph.start(SimNode, shadow=False)
+    graph.start(MppiNode, policy=name)
+    graph.wait(lambda: graph.aiming.get_subscription_count() == 2, "the planner")
+    ended = []
+    for number, (scenario, within) in enumerate((("paper", 0.05), ("paper_shift", 0.02)), start=1):
+        job = EpisodeJob(scenario, 0, f"policy:{name}", (within,))
+        outcome = play_job(job)
+        pushes, final, refused, reached = play_on_graph(graph, number, job.case(), within)
+        assert pushes.tolist() == [push.push.tolist() for push in outcome.record.pushes]
+        assert final.tobytes() == outcome.final.tobytes()
+        assert (refused, reached) == (outcome.refusals, outcome.failure == "")
+        ended.append((bool(refused), reached))
+    assert ended == [(False, True), (True, False)]
+    assert {plan.dynamics for plan in graph.find("plan", status=Plan.PUSH)} == {f"policy:{name}"}
 
 
 def test_noisy_and_late_frames_lead_to_the_same_pushes_too(graph):

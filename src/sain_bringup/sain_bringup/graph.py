@@ -19,6 +19,7 @@ from sain_core.config import MOST_SEED, Config, option
 from sain_core.errors import ConfigError
 from sain_core.guarding.documents import read_user_yaml
 from sain_core.model import check_model_name
+from sain_core.policy import POLICY, POLICY_HELP, check_policy_name
 from sain_core.push import PushLimits
 from sain_core.shapes.body_file import read_bodies
 from sain_core.shapes.shape import BOTTOMS, FEET
@@ -75,6 +76,7 @@ class GraphOptions(Config):
     model: str = option(
         SHIPPED, "name of a model (sain, planar, identity, lab:NAME) or path of a checkpoint"
     )
+    policy: str = option("", f"in place of the planner, {POLICY_HELP}; empty: none")
     belief: str = option(
         "", "file of `sain_model identify`, with which each episode begins; empty: none"
     )
@@ -124,6 +126,8 @@ class GraphOptions(Config):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_model_name(self.model)
+        if self.policy:
+            check_policy_name(self.policy)
         check_engine(self.engine)
         if self.learn:
             laboratory_path(self.learn)
@@ -163,6 +167,11 @@ class GraphOptions(Config):
             _check_robot(self.robot)
         if self.bodies_file is not None:
             read_bodies(self.bodies_file)
+
+    @property
+    def chooses(self) -> str:
+        """The policy that chooses pushes, or the model that they are planned with."""
+        return f"{POLICY}{self.policy}" if self.policy else self.model
 
     @property
     def is_real(self) -> bool:
@@ -258,6 +267,8 @@ def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> d
     commands |= _vision(options, node, clock, states)
     planner = {**_tool_radius(options), **_named("estimator", options.observed), **clock}
     planner |= {"dynamics": "service", "seed": str(options.seed)}
+    if options.policy:
+        planner["policy"] = options.policy
     commands[PLANNER] = node("sain_mppi", "mppi_node", planner)
     return commands
 

@@ -131,6 +131,13 @@ class Goal:
         poses = [(p.body, p.x, p.y, np.nan if p.heading is None else p.heading) for p in self.poses]
         return np.array([*np.ravel(poses), *self.keep], dtype=np.float64)
 
+    def observed(self, count: int) -> Float[ndarray, "N 5"]:
+        """Return the goal of each of so many bodies, as `OBSERVED`: finite."""
+        asked = np.full((count, 3), np.nan)
+        for pose in self.poses:
+            asked[pose.body] = pose.x, pose.y, np.nan if pose.heading is None else pose.heading
+        return observed_poses(asked)
+
     def check(self, scene: Scene, bodies: Bodies, table: Table) -> None:
         """Check that these bodies can have these poses, on a table."""
         self.check_bodies(bodies)

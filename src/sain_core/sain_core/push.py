@@ -26,7 +26,7 @@ from functools import cache
 from itertools import count
 from math import pi
 from secrets import randbits
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from jaxtyping import Float
@@ -203,6 +203,46 @@ def check_predictable(pushes: Pushes) -> Pushes:
             wrong[..., column] = beyond
             raise OutOfRangeError(f"{_first(pushes, wrong)}; allowed: {least:.4g} {to} {most:.4g}")
     return pushes
+
+
+def action_ranges(last: int, limits: PushLimits = PushLimits()) -> tuple[PushArray, PushArray]:
+    """Return the smallest and the largest action (5,) of who chooses pushes of bodies 0 to last."""
+    low = [-0.5, -pi, -limits.max_angle, 0.0, limits.min_speed]
+    high = [last + 0.5, pi, limits.max_angle, limits.max_length, limits.max_speed]
+    return np.array(low), np.array(high)
+
+
+def push_of(action: Any, last: int, limits: PushLimits = PushLimits()) -> PushArray:
+    """Return the push (5,) that an action stands for: its body is rounded, up to the last one.
+
+    A number in single or half precision that equals a limit rounded to that precision is the
+    limit. The location -pi is pi.
+
+    Raises `InvalidInputError`: no array of numbers, another shape, NaN or Inf;
+    `OutOfRangeError`: a number outside its range.
+    """
+    given, (low, high) = np.asarray(action), action_ranges(last, limits)
+    if given.dtype.kind not in "fiu" or given.shape != low.shape:
+        raise InvalidInputError(
+            f"the action is an array of {given.dtype} with shape {given.shape}; needed:"
+            f" numbers with shape {low.shape} ({', '.join(PUSH_NAMES)})"
+        )
+    push = given.astype(np.float64)
+    check_finite(push, PUSH_NAMES, "{name} of the action")
+    if given.dtype.kind == "f":
+        for limit in (low, high):
+            push = np.where(given == limit.astype(given.dtype), limit, push)
+    wrong = (push < low) | (push > high)
+    if wrong.any():
+        column = int(np.argmax(wrong))
+        raise OutOfRangeError(
+            f"{PUSH_NAMES[column]} of the action is {push[column]:.6g}; allowed:"
+            f" {low[column]:.6g} to {high[column]:.6g}"
+        )
+    if push[LOCATION] == -pi:
+        push[LOCATION] = pi
+    push[BODY] = min(np.floor(push[BODY] + 0.5), last)
+    return push
 
 
 @cache

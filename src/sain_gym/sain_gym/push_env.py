@@ -12,8 +12,7 @@ from gymnasium.spaces import Box, Space
 from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError, ErrorCode, OutOfRangeError, SainError, StaleSceneError
 from sain_core.types import Scene
-from sain_core.view.image import TopImage, TopPicture
-from sain_core.view.scenes import bodies_in, goal_marks
+from sain_core.view.image import TopImage, picture_of
 from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS, check_scenario, draw_scene
@@ -126,7 +125,6 @@ class PushEnv(gymnasium.Env[Any, Any]):
         self.spaces = PushSpaces(config.scenario)
         self.action_space = self.spaces.action
         self.observation_space = self._observed()
-        self._pictures: dict[int, TopPicture] = {}
         self._world: CheckedWorld | None = None
         self._episode: PushEpisode | None = None
         self._closed = False
@@ -226,12 +224,8 @@ class PushEnv(gymnasium.Env[Any, Any]):
 
     def picture(self, size: int) -> TopImage:
         """Return the scene and the goal from above, (size, size, 3)."""
-        if size not in self._pictures:
-            self._pictures[size] = TopPicture(size)
-        record, scene = self.episode.record, self.episode.scene
-        bodies = bodies_in(scene, record.bodies, record.goal)
-        goals = goal_marks(record.goal, scene, record.bodies)
-        return self._pictures[size].draw([*bodies, *goals])
+        record = self.episode.record
+        return picture_of(self.episode.scene, record.bodies, record.goal, size)
 
     def render(self) -> Any:
         """Return the scene from above, (480, 480, 3); None without a `render_mode`."""

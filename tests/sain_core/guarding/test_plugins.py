@@ -57,7 +57,7 @@ def test_a_name_that_leads_nowhere_is_explained(toys, name, message):
 def test_a_package_that_cannot_be_loaded_is_named(toys):
     message = (
         "toy 'none' of package their-toys 1.2 cannot be loaded: AttributeError: .*; repair or"
-        " uninstall that package. Other toys: ball, kite, twice"
+        " uninstall that package. Others: ball, kite, twice"
     )
     with pytest.raises(ConfigError, match=message):
         toys.load(toys.find("none"))

@@ -124,7 +124,7 @@ class ClosedLoopOptions(GraphOptions):
         """Return what was played and by what."""
         episodes = " ".join(f"{scenario}:{seed}" for scenario, seed in self.plans)
         about = {EPISODES_KEY: episodes, NAMESPACE_KEY: namespace, ROBOT_KEY: self.robot}
-        return about | {"model": self.model} | provenance()
+        return about | {"model": self.chooses} | provenance()
 
     def simulator(self) -> dict[str, str]:
         """Have the arm move all the way, for whom watches the recording."""
@@ -142,7 +142,7 @@ def describe(options: ClosedLoopOptions) -> str:
     seen = by + "".join(
         f", {name} {value}" for name, value in changed_settings(options.camera).items()
     )
-    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.model}{engine}{seen}"
+    return f"{what}, to {1e3 * options.tolerance:g} mm, with {options.chooses}{engine}{seen}"
 
 
 def run(options: ClosedLoopOptions, console: Console) -> int:

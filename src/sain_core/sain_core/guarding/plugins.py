@@ -124,7 +124,7 @@ class Plugins:
             raise ConfigError(
                 f"{self.what} {(name or entry.name)!r} of {package_of(entry)} {what}:"
                 f" {type(error).__name__}: {error}; repair or uninstall that package."
-                f" Other {self.what}s: {others}"
+                f" Others: {others}"
             ) from error
 
     def wrong(self, entry: EntryPoint, problem: str, name: str = "") -> ConfigError:

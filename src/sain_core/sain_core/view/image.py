@@ -4,6 +4,7 @@ Everything is drawn larger and averaged down, which smooths the edges. The arm i
 """
 
 from collections.abc import Iterable
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -11,10 +12,12 @@ from jaxtyping import UInt8
 from numpy import ndarray
 from PIL import Image, ImageDraw
 
+from sain_core.goal import Goal
 from sain_core.scene import Table
-from sain_core.types import Place, Points
+from sain_core.shapes.bodies import Bodies
+from sain_core.types import Place, Points, Scene
 from sain_core.view.palette import PALETTE
-from sain_core.view.scenes import stage
+from sain_core.view.scenes import bodies_in, goal_marks, stage
 from sain_core.view.things import DrawnBody, GoalMark, ReachArea, TableTop, Thing, hue
 
 TopImage = UInt8[ndarray, "size size 3"]
@@ -76,3 +79,14 @@ class TopPicture:
         """Return points (M, 2) [m] on the canvas."""
         away = (self._corner - points) * self._scale
         return [(float(y), float(x)) for x, y in away]
+
+
+@cache
+def _picture(size: int) -> TopPicture:
+    return TopPicture(size)
+
+
+def picture_of(scene: Scene, bodies: Bodies, goal: Goal, size: int) -> TopImage:
+    """Return a scene (N, 8) and a goal from above, in an image of size x size pixels."""
+    marks = goal_marks(goal, scene, bodies)
+    return _picture(size).draw([*bodies_in(scene, bodies, goal), *marks])

@@ -12,6 +12,7 @@ from sain_core.config import MOST_SEED, option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
 from sain_core.output import OVERWRITE_HELP, claim_folder
+from sain_core.policy import POLICY_HELP
 from sain_core.provenance import ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
@@ -59,7 +60,8 @@ class EvaluateOptions(WorkerOptions):
     controllers: str = option(
         "null,straight,planar",
         "with commas: null, straight, random, oracle, or a model that MPPI plans with: planar,"
-        " planar_axes, identity, sain or the path of a checkpoint",
+        " planar_axes, identity, sain or the path of a checkpoint; or, after policy:,"
+        f" {POLICY_HELP}",
     )
     tolerances: str = option(
         "0.05,0.02",

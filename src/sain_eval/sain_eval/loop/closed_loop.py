@@ -11,6 +11,7 @@ import numpy as np
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.model import as_observed, load_dynamics
+from sain_core.policy import POLICY
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_core.types import PushArray, Scene
@@ -20,6 +21,7 @@ from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
+from sain_mppi.agent.policy import policy_agent
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import Sample, steps_of
@@ -167,8 +169,9 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     """Return a function that makes an agent for a scene; each model is loaded once in a process.
 
     The name is null, straight, random, oracle, a dynamics that an installed package offers (planar,
-    sain, ...), or a checkpoint's path. A belief is for dynamics that take one. The oracle plans
-    with the planar prior at the true friction, and never learns from earlier pushes.
+    sain, ...), a checkpoint's path, or ``policy:`` with a policy's name or path. A belief is for
+    dynamics that take one. The oracle plans with the planar prior at the true friction, and never
+    learns from earlier pushes.
 
     Raises `ConfigError`: an empty or unknown name; `CheckpointError`: a checkpoint that cannot be
     loaded.
@@ -177,6 +180,9 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
         raise ConfigError(f"a controller needs a name: {', '.join(BASELINES)} or a dynamics")
     if name in BASELINES:
         return lambda scene: Agent(BASELINES[name](config.feasibility), config)
+    if name.startswith(POLICY):
+        make = policy_agent(name.removeprefix(POLICY), config)
+        return lambda scene: make()
     physics = load_dynamics(config.prior)
     if name == ORACLE:
         blind = replace(config, history=False)

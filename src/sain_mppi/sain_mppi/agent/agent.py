@@ -12,6 +12,7 @@ from sain_core.config import MOST_SEED, Config, live_group, option
 from sain_core.errors import CancelledError, ErrorCode, InvalidInputError, OffTableError, SainError
 from sain_core.feasibility import Feasibility, Reach
 from sain_core.model import RolloutModel
+from sain_core.policy import POLICY_HELP
 from sain_core.push import push_ids
 from sain_core.randomness import generator
 from sain_core.shapes.bodies import PAPER_DISKS, Bodies
@@ -82,6 +83,9 @@ class AgentConfig(Config):
         minimum=0.0,
         maximum=60.0,
     )
+    policy_timeout: float = option(
+        2.0, "longest wait for an answer of a policy", unit="s", minimum=0.01, maximum=600.0
+    )
     planner: PlannerConfig = live_group(PlannerConfig())
     estimator: EstimatorConfig = EstimatorConfig()
     feasibility: Feasibility = Feasibility()
@@ -93,6 +97,7 @@ class MppiConfig(AgentConfig):
 
     dynamics: str = option(SERVICE, "where the model runs", choices=(SERVICE, IN_PROCESS))
     model: str = option("sain", "model in process: its name, or the path of a checkpoint")
+    policy: str = option("", f"in place of the planner, {POLICY_HELP}; empty: none")
     model_timeout: float = option(
         2.0, "longest wait for a reply of the model", unit="s", minimum=0.01, maximum=600.0
     )

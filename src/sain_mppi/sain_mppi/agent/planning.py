@@ -2,6 +2,7 @@
 
 import logging
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from threading import Event
 from time import monotonic
@@ -34,7 +35,13 @@ MUCH: Final = 0.9  # of the resting cost at the last such progress: below, a bod
 
 
 class Decider(ABC):
-    """Chooses the push for one job after another. All but `adjust` belong to one thread."""
+    """Chooses the push for one job after another. All but `adjust` belong to one thread.
+
+    Attributes:
+        trouble: what is wrong while it decides, to be reported meanwhile; empty: nothing.
+    """
+
+    trouble: str = ""
 
     @abstractmethod
     def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
@@ -58,6 +65,11 @@ class Decider(ABC):
     def complete(self, decision: PushDecision) -> PushDecision:
         """Return the latest decision with what its push need not wait for."""
         return decision
+
+    @property
+    def figures(self) -> Mapping[str, object]:
+        """What diagnostics show of it."""
+        return {}
 
     def adjust(self, planner: PlannerConfig) -> None:
         """Plan with other settings from the next job on; raise `ConfigError` if it has none."""

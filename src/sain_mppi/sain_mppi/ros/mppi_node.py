@@ -1,5 +1,6 @@
 """The planner: for each settled scene on the way to a goal, one push."""
 
+from collections.abc import Mapping
 from concurrent.futures import Future
 from functools import partial
 from typing import Any, Final
@@ -12,6 +13,7 @@ from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.guarding.ros.reception import Reception, outcome, shortened
 from sain_core.model import as_observed, load_dynamics
+from sain_core.policy import POLICY
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
@@ -36,6 +38,7 @@ from sain_mppi.agent.events import (
     TimePassed,
 )
 from sain_mppi.agent.planning import Patience
+from sain_mppi.agent.policy import policy_agent
 from sain_mppi.ros.goals import GoalHandlers, Goals, task_of
 from sain_mppi.ros.plans import Plans
 from sain_mppi.ros.remote import RemoteRollout
@@ -104,13 +107,17 @@ class MppiNode(Node):
         super().__init__("mppi_node", namespace=NAMESPACE, **options)
         self.config = config = read_parameters(self, MppiConfig)
         self.notes, self.reception = Notes(self, config.state_file), Reception(self)
-        self.diagnostics = Diagnostics(self, "planning", more=lambda: self.reception.figures)
+        self.diagnostics = Diagnostics(self, "planning", more=self._figures)
         patience, self.remote = Patience(), None
-        if config.dynamics == SERVICE:
+        if config.dynamics == SERVICE and not config.policy:
             self.remote = RemoteRollout(self, config.model_timeout, patience)
+        if config.policy:
+            self.agent = policy_agent(config.policy, config)()
+        else:
+            unknown = config.estimator.unknown
+            model = self.remote or as_observed(load_dynamics(config.model), unknown)
+            self.agent = planning_agent(model, load_dynamics(config.prior), config, patience)
         self.watch = PeerWatch(self, self.diagnostics, self.remote, self.notes)
-        model = self.remote or as_observed(load_dynamics(config.model), config.estimator.unknown)
-        self.agent = planning_agent(model, load_dynamics(config.prior), config, patience)
         LiveParameters(self, config, self._on_settings)
         self._listen()  # before goals: a pose is for a body of the latest scene
         handlers = GoalHandlers(self._on_goal, self._refuse_goal, self._cancel)
@@ -118,10 +125,19 @@ class MppiNode(Node):
         self.plans = Plans(self, self.goals, self.notes, self.watch, self._model_of)
         self.driver = Driver(self, self.agent, self.plans, self.reception, self.watch)
         self._resume()
-        look_again = partial(self.driver.update, TimePassed())
-        self.watch.begin(look_again, lambda: self.agent.waits_for_rest)
+        self.watch.begin(self._look_again, lambda: self.agent.waits_for_rest)
         self.ready = f"plans with {'a service' if self.remote else config.model}"
         self.ready += f", or else with {config.prior}"
+        if config.policy:
+            self.ready = f"pushes are those of policy {config.policy}"
+
+    def _figures(self) -> Mapping[str, object]:
+        return {**self.reception.figures, **self.agent.decider.figures}
+
+    def _look_again(self) -> None:
+        if trouble := self.agent.decider.trouble:
+            self.watch.report(WARN, trouble)
+        self.driver.update(TimePassed())
 
     def _listen(self) -> None:
         listen = self.reception.listen
@@ -159,6 +175,8 @@ class MppiNode(Node):
         self.driver.update(GoalCancelled(error))
 
     def _model_of(self, decision: PushDecision) -> str:
+        if self.config.policy:
+            return f"{POLICY}{self.config.policy}"
         if decision.failure is not None:
             return self.config.prior
         return self.config.model if self.remote is None else self.remote.model

@@ -216,7 +216,7 @@ def summary(plan: Plan) -> dict[str, str]:
     if plan.error_code == ErrorCode.CANCELLED:
         message = "goal cancelled"
     if plan.concern:
-        message = f"planning wider: {plan.concern}"
+        message = f"planning wider: {plan.concern}" if plan.algorithm else plan.concern
     if plan.fallback:
         message = f"planning with {plan.dynamics}: {plan.error_message}"
     return {

@@ -16,6 +16,7 @@ import pyarrow
 import pytest
 from pyarrow import parquet
 
+from sain_core.policy import GOAL, HIT, STATE
 from sain_core.transitions import PARTS
 from tests.sain_bags.dataset.formats.exported import EPISODES, Rows, card_of, to
 from tests.sain_bags.driven import Drive
@@ -73,7 +74,7 @@ def test_parquet_has_the_types_and_the_card_in_its_schema(bag: Path, tmp_path: P
 
 def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) -> None:
     # Here and not above: seconds, which every worker would spend when it collects.
-    from sain_bags.dataset.formats.to_lerobot import GOAL, STATE, TASK, LeRobotDataset
+    from sain_bags.dataset.formats.to_lerobot import LeRobotDataset
 
     out = to("lerobot", bag, tmp_path / "out")
     wanted = in_order(rows, card_of(out))
@@ -94,7 +95,7 @@ def test_lerobot_is_read_back_by_lerobot(bag: Path, rows: Rows, tmp_path: Path) 
     assert exact["next.done"][:] == [False, True] * (2 * EPISODES)  # two pushes, the gap, two more
     assert not any(exact["next.success"])
     frame = data[3]
-    assert frame["task"] == TASK
+    assert frame["task"] == HIT
     np.testing.assert_array_equal(frame["action"], wanted["action"][3].astype(np.float32))
     assert (frame["timestamp"], frame["frame_index"], frame["episode_index"]) == (1.0, 1, 1)
     names = data.features[STATE]["names"]

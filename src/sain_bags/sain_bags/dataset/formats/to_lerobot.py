@@ -7,8 +7,6 @@ other columns of the npz shards under their own names. ``timestamp`` counts fram
 in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as signed ones.
 """
 
-import os
-import sys
 import warnings
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -17,47 +15,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import torch
 from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
-from sain_core.goal import OBSERVED, observed_poses
-from sain_core.push import PUSH_NAMES
-from sain_core.scene import STATE_NAMES
+from sain_core.goal import observed_poses
+from sain_core.policy import GOAL, STATE, names_of_numbers, task_of
+from sain_core.pretrained import LeRobotDataset, SuppressProgressBars, write_info, write_stats
 from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
 
-os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
-declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
-
-
-def _import_torchvision() -> None:
-    """Import what `lerobot` imports, also beside a PyTorch for CPUs.
-
-    Torchvision's wheels are built for CUDA. Without it their operators cannot be loaded, and their
-    Python part, of which `lerobot` needs a little, asks that one of them be declared at least.
-    """
-    with warnings.catch_warnings(action="ignore", category=UserWarning):
-        try:
-            import torchvision
-        except RuntimeError:
-            for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
-                del sys.modules[name]
-            declared.define("nms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
-            import torchvision  # noqa: F401
-
-
-_import_torchvision()
-
-from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
-from lerobot.datasets.utils import write_info, write_stats  # noqa: E402
-from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
-
 FRAMES_A_SECOND: Final = 1
-TASK: Final = "Push the mid disk so that it pushes the target disk to the goal."
-LONE_TASK: Final = "Push the body to the goal."
-STATE: Final = "observation.state"
 NEXT_STATE: Final = "next.state"
-GOAL: Final = "observation.environment_state"
 RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
 REWARD: Final = "next.reward"
 MAY_LACK: Final = frozenset(  # these have NaN where a recording does not state them
@@ -84,7 +51,7 @@ def write(rows: StoredRows, folder: Path) -> None:
                 if dataset is None:
                     dataset = _create(folder, frames, rows)
                     stack.callback(dataset.finalize)  # else it writes when it is freed, or never
-                _save(dataset, frames, TASK if rows.disks > 1 else LONE_TASK)
+                _save(dataset, frames, task_of(rows.disks))
                 for key in frames.keys() & MAY_LACK:
                     lacking.setdefault(key, []).append(frames[key])
                 count += 1
@@ -111,11 +78,8 @@ def _finite_stats(values: ndarray) -> dict[str, ndarray]:
 
 
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
-    names = ("mid", "target", *(f"disk{index}" for index in range(2, rows.disks)))[: rows.disks]
-    states = [f"{disk}_{name}" for disk in names for name in STATE_NAMES]
-    named = {STATE: states, NEXT_STATE: states, Column.PHYSICS_NEXT: states}
-    goal = [f"{disk}_goal_{name}" for disk in names for name in OBSERVED]
-    named |= {Column.ACTION: list(PUSH_NAMES), GOAL: goal}
+    names = names_of_numbers(rows.disks)
+    named = names | dict.fromkeys((NEXT_STATE, Column.PHYSICS_NEXT), names[STATE])
     features = {
         key: {
             "dtype": "string" if values.dtype.kind == "U" else str(values.dtype),

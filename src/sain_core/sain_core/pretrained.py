@@ -1,0 +1,125 @@
+"""LeRobot, where it is installed: its data sets, and the policies that it trained and saved.
+
+Import `lerobot` only through this module, or after it.
+"""
+
+import json
+import os
+import sys
+import warnings
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import torch
+from numpy import ndarray
+
+from sain_core.errors import CheckpointError, ConfigError
+from sain_core.policy import ACTION, IMAGE, TASK, Observation, Policy, check_names
+from sain_core.push import PUSH_NAMES, PUSH_SIZE
+
+os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
+declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
+
+
+def _import_torchvision() -> None:
+    """Import what `lerobot` imports, also beside a PyTorch for CPUs.
+
+    Torchvision's wheels are built for CUDA. Without it their operators cannot be loaded, and their
+    Python part, of which `lerobot` needs a little, asks that one of them be declared at least.
+    """
+    with warnings.catch_warnings(action="ignore", category=UserWarning):
+        try:
+            import torchvision
+        except RuntimeError:
+            for name in [name for name in sys.modules if name.partition(".")[0] == "torchvision"]:
+                del sys.modules[name]
+            declared.define("nms(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
+            import torchvision  # noqa: F401
+
+
+_import_torchvision()
+
+from lerobot.datasets.lerobot_dataset import LeRobotDataset  # noqa: E402
+from lerobot.datasets.utils import write_info, write_stats  # noqa: E402
+from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
+
+__all__ = ["LeRobotDataset", "SuppressProgressBars", "load", "write_info", "write_stats"]
+
+CONFIG: Final = "config.json"  # of a policy
+TRAINING: Final = "train_config.json"  # how it was trained, if LeRobot's command did
+
+
+class LeRobotPolicy(Policy):
+    """A policy of any of LeRobot's classes, with the normalisation that it was trained with."""
+
+    def __init__(self, folder: Path) -> None:
+        """Load a folder that `save_pretrained` wrote, with its two processors.
+
+        Raises `ConfigError`: it takes or gives other than SAIN's observations and pushes.
+        """
+        from lerobot.configs.policies import PreTrainedConfig
+        from lerobot.policies.factory import get_policy_class, make_pre_post_processors
+
+        config = PreTrainedConfig.from_pretrained(folder)
+        actions = config.output_features[ACTION].shape
+        if tuple(actions) != (PUSH_SIZE,):
+            raise ConfigError(
+                f"policy {folder} has actions of shape {tuple(actions)}; a push is"
+                f" {(PUSH_SIZE,)}: {', '.join(PUSH_NAMES)}"
+            )
+        _check_data_set(folder)
+        shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
+        self.features = {k: s[1:] + s[:1] if k == IMAGE else s for k, s in shapes.items()}
+        self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
+        device = {"device_processor": {"device": str(config.device)}}
+        self._before, self._after = make_pre_post_processors(
+            config, str(folder), preprocessor_overrides=device
+        )
+
+    def select_action(self, observation: Observation) -> ndarray:
+        """Return the action (5,), as `lerobot-eval` does it."""
+        batch: dict[str, Any] = {TASK: [observation[TASK]]}
+        for key in self.features:
+            values = torch.from_numpy(np.asarray(observation[key], dtype=np.float32))[None]
+            batch[key] = values.permute(0, 3, 1, 2) / 255.0 if key == IMAGE else values
+        with torch.inference_mode():
+            action = self._after(self._policy.select_action(self._before(batch)))
+        return np.asarray(action.cpu().numpy()[0])
+
+    def reset(self) -> None:
+        """Forget the observations and actions that wait."""
+        self._policy.reset()
+
+
+def load(name: str) -> LeRobotPolicy:
+    """Return the policy in a folder.
+
+    Raises `CheckpointError`: LeRobot cannot read it; `ConfigError`: see `LeRobotPolicy`.
+    """
+    folder = Path(name).expanduser()
+    if not (folder / CONFIG).is_file():
+        raise CheckpointError(
+            f"{folder} holds no {CONFIG}; give the folder that LeRobot saved, as"
+            " outputs/train/NAME/checkpoints/last/pretrained_model"
+        )
+    try:
+        return LeRobotPolicy(folder)
+    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
+        if isinstance(error, ConfigError):
+            raise
+        raise CheckpointError(
+            f"LeRobot cannot load {folder}: {type(error).__name__}: {error}"
+        ) from error
+
+
+def _check_data_set(folder: Path) -> None:
+    """Check what the data set that a policy was trained on states, where it is still there."""
+    try:
+        training = json.loads((folder / TRAINING).read_text())
+        root = Path(training["dataset"]["root"])
+        features = json.loads((root / "meta/info.json").read_text())["features"]
+        stated = {key: one.get("names") for key, one in features.items()}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return  # elsewhere by now, or of another version: shapes are checked all the same
+    check_names(f"policy {folder} was trained on {root}", stated)

@@ -1,0 +1,136 @@
+"""A policy of others in the planner's seat: asked for each push, and refused what is none."""
+
+import logging
+from collections.abc import Callable, Mapping
+from concurrent.futures import Future, wait
+from threading import Event, Thread
+from time import monotonic
+from typing import Any, Final, TypeVar
+
+import numpy as np
+
+from sain_core.errors import CancelledError, ModelUnavailableError, NoPushError, SainError
+from sain_core.policy import Policy, check_bodies, load_policy, observe
+from sain_core.push import push_of
+from sain_core.types import PushArray
+from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.events import PlanJob, PushDecision
+from sain_mppi.agent.planning import Decider
+
+logger = logging.getLogger(__name__)
+
+LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
+
+T = TypeVar("T")
+
+
+class PolicyDecider(Decider):
+    """Asks a policy for each push. What it refuses is counted, and moves nothing.
+
+    An answer is refused that comes late, raises, or is no push in the limits. Then the policy is
+    asked again, up to `max_refusals` times from one scene, of which the arm's refusals are part.
+
+    Attributes:
+        refused: answers so far.
+        refusal: why the last of them was refused; empty: none was.
+        trouble: as `Decider` has it.
+    """
+
+    def __init__(self, policy: Policy, name: str, config: AgentConfig) -> None:
+        self._policy, self._name, self._config = policy, name, config
+        self._session: int | None = None
+        self._call = TimedCall()
+        self.refused, self.refusal, self.trouble = 0, "", ""
+
+    @property
+    def figures(self) -> Mapping[str, object]:
+        """What diagnostics show."""
+        return {"policy": self._name, "policy_refused": self.refused, "refusal": self.refusal}
+
+    def decide(self, job: PlanJob, generator: np.random.Generator) -> PushDecision:
+        """Ask the policy until its answer is a push.
+
+        Raises `CancelledError`: the job was cancelled; `NoPushError`: too many answers were
+        refused; `ConfigError`: the policy takes other scenes.
+        """
+        check_bodies(self._name, self._policy.features, len(job.problem.scene))
+        left = self._config.max_refusals - len(job.problem.refused)
+        for refused in range(left):
+            try:
+                push = self._ask(job)
+            except CancelledError:
+                raise
+            except SainError as error:
+                self.refusal = self.trouble = f"policy {self._name}: {error}"
+                self.refused += 1
+                logger.warning("an answer is refused: %s", self.trouble)
+            else:
+                self.trouble = ""
+                concern = f"{refused} answers were refused, the last: {self.refusal}"
+                return PushDecision(job, push, warning=concern if refused else "")
+        self.trouble = ""
+        raise NoPushError(f"{left} answers in a row were refused, the last: {self.refusal}")
+
+    def _ask(self, job: PlanJob) -> PushArray:
+        problem, policy = job.problem, self._policy
+        seen = observe(problem.scene, problem.goal, problem.bodies, policy.features)
+
+        def answer() -> object:
+            if job.session != self._session:
+                policy.reset()
+                self._session = job.session
+            return policy.select_action(seen)
+
+        try:
+            action = self._call(answer, self._config.policy_timeout, job.cancelled)
+        except SainError:
+            raise
+        except Exception as error:
+            raise ModelUnavailableError(f"it raised {type(error).__name__}: {error}") from error
+        bodies, limits = problem.bodies, problem.feasibility.limits
+        last = 0 if bodies.pushable == (0,) else len(bodies) - 1
+        return limits.check(push_of(action, last, limits), bodies)
+
+
+class TimedCall:
+    """Calls what may never return, each in a thread that does not outlive the process."""
+
+    def __init__(self) -> None:
+        self._running: Future[Any] | None = None
+
+    def __call__(self, work: Callable[[], T], timeout_s: float, cancelled: Event) -> T:
+        """Return what work returns in time; work that was late before has to end first.
+
+        Raises `ModelUnavailableError`: it is late; `CancelledError`: the answer is not wanted.
+        """
+        end = monotonic() + timeout_s
+        if self._running is not None:
+            self._wait(self._running, end, timeout_s, cancelled)
+        future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(work())
+            except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
+                future.set_exception(error)
+
+        self._running = future
+        Thread(target=run, name="policy", daemon=True).start()
+        self._wait(future, end, timeout_s, cancelled)
+        return future.result()
+
+    def _wait(self, future: "Future[T]", end: float, timeout_s: float, cancelled: Event) -> None:
+        while not wait([future], max(min(LOOK, end - monotonic()), 0.0)).done:
+            if cancelled.is_set():
+                raise CancelledError("the answer is no longer wanted")
+            if monotonic() >= end:
+                raise ModelUnavailableError(f"it did not answer within {timeout_s:.3g} s")
+
+
+def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
+    """Return a function that makes agents with the policy of this name, which is loaded once.
+
+    Raises `ConfigError` and `CheckpointError`: see `sain_core.policy.load_policy`.
+    """
+    policy = load_policy(name)
+    return lambda: Agent(PolicyDecider(policy, name, config), config)
