@@ -4,20 +4,14 @@ The messages have the sizes of a recording of `make demo`. The states of pushes 
 they compress no better than real ones; of what else a graph says a few numbers change each time.
 """
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-from sain_bags.bag.definitions import Definitions
-from sain_bags.bag.metadata import Topic
+from sain_bags.writing.messages import MessageMaker
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.randomness import generator
 from sain_core.scene import STATE_NAMES
 
-INTERFACES = ("DiskState", "Scene", "GoalPose", "Goal", "Push", "Prediction", "PushResult")
 BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CDR
     "/clock": ("rosgraph_msgs/msg/Clock", 12),
     "/sain/joint_states": ("sensor_msgs/msg/JointState", 296),
@@ -34,10 +28,7 @@ class MadeBag:
     def __init__(self, folder: Path, config: BagConfig = BagConfig(), seed: int = 0) -> None:
         """Begin a bag in a new folder."""
         self.writer, self._random = BagWriter(folder, config), generator(seed, 0)
-        self._store, self._definitions = get_typestore(Stores.ROS2_JAZZY), Definitions()
-        for name in INTERFACES:
-            full = f"sain_interfaces/msg/{name}"
-            self._store.register(get_types_from_msg(self._definitions.text(full), full))
+        self._messages = MessageMaker()
         self._now, self._scene_id = 1_700_000_000_000_000_000, 0
 
     def pushes(self, count: int, first: int = 1) -> None:
@@ -53,7 +44,7 @@ class MadeBag:
     def scenes(self, count: int) -> None:
         """Write scenes of something that moves, at 100 Hz, and what else a graph says."""
         message = self._scene(1, settled=False)
-        data = self._serialize("Scene", message)
+        data = self._messages.data(message)
         for _ in range(count):
             self._write("/sain/scene", "sain_interfaces/msg/Scene", data, PERIOD)
             for topic, (kind, size) in BESIDE.items():
@@ -68,7 +59,7 @@ class MadeBag:
             "Push", **ids, scene_id=self._scene_id, location=angles[0], angle=angles[1],
             length=0.1, source="mppi",
         )  # fmt: skip
-        self._write("/sain/push", "sain_interfaces/msg/Push", self._serialize("Push", push))
+        self._write("/sain/push", push.__msgtype__, self._messages.data(push))
         self._scene_id += 1
         after = self._scene(episode)
         prediction = self._make(
@@ -80,7 +71,7 @@ class MadeBag:
         )  # fmt: skip
 
     def _scene(self, episode: int, settled: bool = True) -> Any:
-        header = self._make("Header", package="std_msgs", frame_id="world")
+        header = self._messages.make("std_msgs/msg/Header", frame_id="world")
         return self._make(
             "Scene", header=header, episode_id=episode, scene_id=self._scene_id, settled=settled,
             disks=self._disks(),
@@ -93,35 +84,15 @@ class MadeBag:
             self._make("DiskState", **dict(zip(STATE_NAMES, disk, strict=True))) for disk in values
         ]
 
-    def _make(self, name: str, package: str = "sain_interfaces", **fields: Any) -> Any:
-        full = f"{package}/msg/{name}"
-        kind = self._store.types[full]
-        for field in kind.__annotations__:
-            if field in ("header", "stamp") and field not in fields:
-                nested = ("Header", "std_msgs") if field == "header" else _TIME
-                fields[field] = self._make(*nested)
-        items = [field for field in dataclasses.fields(kind) if field.init]  # type: ignore[arg-type]
-        blank = {field.name: _blank(str(field.type)) for field in items}
-        return kind(**{name: fields.get(name, value) for name, value in blank.items()})
+    def _make(self, name: str, **fields: Any) -> Any:
+        return self._messages.make(f"sain_interfaces/msg/{name}", **fields)
 
     def _send(self, topic: str, name: str, **fields: Any) -> None:
-        data = self._serialize(name, self._make(name, **fields))
-        self._write(f"/sain/{topic}", f"sain_interfaces/msg/{name}", data)
-
-    def _serialize(self, name: str, message: Any) -> bytes:
-        return bytes(self._store.serialize_cdr(message, f"sain_interfaces/msg/{name}"))
+        message = self._make(name, **fields)
+        self._write(f"/sain/{topic}", message.__msgtype__, self._messages.data(message))
 
     def _write(self, topic: str, kind: str, data: bytes, wait: int = 1_000_000) -> None:
         if topic not in self.writer.counts:
-            self.writer.add_topic(Topic(topic, kind, self._definitions.joined(kind)))
+            self.writer.add_topic(self._messages.topic(topic, kind))
         self._now += wait + 1
         self.writer.write(topic, data, self._now)
-
-
-def _blank(kind: str) -> Any:
-    if "ndarray" in kind:
-        return np.zeros(0)
-    return [] if kind.startswith("list") else {"str": "", "bool": False}.get(kind, 0)
-
-
-_TIME = ("Time", "builtin_interfaces")

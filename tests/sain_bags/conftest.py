@@ -6,10 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from sain_bags.bag.definitions import Definitions
-from sain_bags.bag.metadata import Topic, TopicQos
+from sain_bags.writing.messages import MessageMaker
 from sain_bags.writing.writer import BagWriter
 from sain_core.push import make_push
 from sain_core.scene import STATE_NAMES, make_scene
@@ -23,35 +21,13 @@ SECOND = 1_000_000_000
 START = 1_700_000_000 * SECOND
 
 
-class Messages:
+class Messages(MessageMaker):
     """Builds and serializes messages of the graph."""
 
     def __init__(self) -> None:
-        self.definitions = Definitions()
-        self.store = get_typestore(Stores.ROS2_JAZZY)
+        super().__init__()
         for name in INTERFACES:
-            full = f"sain_interfaces/msg/{name}"
-            self.store.register(get_types_from_msg(self.definitions.text(full), full))
-
-    def make(self, type_name: str, **fields: Any) -> Any:
-        """Build a message; what is not given is zero."""
-        definition = self.store.types[type_name]
-        values = {
-            name: fields.get(name, self._zero(kind))
-            for name, kind in definition.__annotations__.items()
-            if name != "__msgtype__" and not kind.startswith("ClassVar")
-        }
-        return definition(**values)
-
-    def _zero(self, kind: str) -> Any:
-        name = kind.rpartition(".")[2].rstrip("]").strip("'\"")
-        if "ndarray" in kind:
-            return np.zeros(0)
-        if kind.startswith("list"):
-            return []
-        if "__" in name:
-            return self.make(name.replace("__", "/"))
-        return {"str": "", "bool": False, "float": 0.0}.get(kind, 0)
+            self._kind(f"sain_interfaces/msg/{name}")
 
     def disks(self, scene: Scene) -> list[Any]:
         """Return a scene as ``DiskState[]``."""
@@ -65,17 +41,6 @@ class Messages:
         about = {"body": body, "x": float(x), "y": float(y), "tolerance": 0.02, **more}
         return [self.make("sain_interfaces/msg/GoalPose", **about)]
 
-    def topic(self, name: str, type_name: str, **more: Any) -> Topic:
-        """Describe a topic as the recorder does."""
-        qos = more.pop("offered_qos", (TopicQos(),))
-        return Topic(
-            name,
-            type_name,
-            self.definitions.joined(type_name),
-            self.store.hash_rihs01(type_name),
-            qos,
-        )
-
 
 class Recording:
     """A bag under construction, one message every 100 ms."""
@@ -87,8 +52,7 @@ class Recording:
     def add(self, topic: str, short: str, **fields: Any) -> None:
         """Append a message of ``sain_interfaces``."""
         type_name = short if "/" in short else f"sain_interfaces/msg/{short}"
-        message = self.messages.make(type_name, **fields)
-        data = bytes(self.messages.store.serialize_cdr(message, type_name))
+        data = self.messages.data(self.messages.make(type_name, **fields))
         self.writer.add_topic(self.messages.topic(topic, type_name))
         self.now += SECOND // 10
         self.writer.write(topic, data, self.now, self.now - 1000)

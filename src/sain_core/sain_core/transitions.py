@@ -142,9 +142,9 @@ class Column(StrEnum):
                       "model behind `physics_next`; `computed:`: run by the converter",
                       NEVER, ALWAYS)
     BAG_SHA256 = "bag_sha256", (), "str", "", "SHA-256 of the recording's files", NEVER, ALWAYS
-    SURFACE = "surface", (), "str", "", "what the body stood on", NEVER, NEVER, ALWAYS
-    OBJECT = "object", (), "str", "", "the body, as its user calls it", NEVER, NEVER, ALWAYS
-    RUN = "run", (), "str", "", "the recording of the push", NEVER, NEVER, ALWAYS
+    SURFACE = "surface", (), "str", "", "what the body stood on", NEVER, SOMETIMES, ALWAYS
+    OBJECT = "object", (), "str", "", "the body, as its user calls it", NEVER, SOMETIMES, ALWAYS
+    RUN = "run", (), "str", "", "the recording of the push", NEVER, SOMETIMES, ALWAYS
     # fmt: on
 
     def row_shape(self, disks: int, action: int = PUSH_SIZE) -> tuple[int, ...]:

@@ -80,7 +80,9 @@ class Definitions:
         searched = (
             os.pathsep.join(map(str, self._prefixes)) or "nothing (AMENT_PREFIX_PATH is empty)"
         )
-        raise InvalidInputError(f"no definition of {type_name} is installed; searched {searched}")
+        raise InvalidInputError(
+            f"no definition of {type_name} is installed; searched {searched}; run inside ./env"
+        )
 
 
 def referred_types(type_name: str, text: str) -> Iterator[str]:

@@ -15,12 +15,13 @@ from rich.text import Text
 from sain_bags.reading.reader import BAG_HELP, Bag
 from sain_bags.reading.timing import TopicTiming, read_timings
 from sain_bags.rows.episodes import Episode, read_episodes
+from sain_bags.rows.results import OUTLINES_KEY
 from sain_bags.rows.topics import left_out, namespaces
 from sain_bags.writing.gaps import SILENT_KEY, UNRECORDED_KEY, read_gaps, read_names
 from sain_core.cli.terminal import FittingTable
 from sain_core.config import Config, option, required
 
-LISTED: Final = (SILENT_KEY, UNRECORDED_KEY)  # custom data that has lines of its own
+LISTED: Final = (SILENT_KEY, UNRECORDED_KEY, OUTLINES_KEY)  # custom data not shown as it is
 
 
 @dataclass(frozen=True)

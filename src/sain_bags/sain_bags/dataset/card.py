@@ -9,7 +9,7 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.dataset.rows import Dropped
-from sain_core.push import PUSH_NAMES
+from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.scene import MID, TARGET
 from sain_core.transitions import SHARD_SIZE, Column, Columns, centres, describe_fields
 
@@ -117,7 +117,7 @@ def _quantities(shard: Columns) -> dict[str, ndarray]:
     travel = np.linalg.norm(after - before, axis=-1)
     target = min(TARGET, before.shape[1] - 1)  # or the only body
     return {
-        **dict(zip(PUSH_NAMES[1:], shard[Column.ACTION].T[1:], strict=True)),
+        **dict(zip(PUSH_NAMES[1:], shard[Column.ACTION].T[1:PUSH_SIZE], strict=True)),
         "target_x": before[:, target, 0],
         "target_y": before[:, target, 1],
         "mid_travel": travel[:, MID],

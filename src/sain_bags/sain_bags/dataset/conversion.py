@@ -21,9 +21,11 @@ from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats.stored_rows import joined
 from sain_bags.dataset.rows import BagPart, ConversionConfig, Dropped, RowBlock, read_rows
 from sain_bags.dataset.sources import Source, find_sources, open_source
+from sain_bags.rows.results import stated_outlines
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
-from sain_core.transitions import RECORDED, SHARD_SIZE, Column, Columns
+from sain_core.shapes.outlines import write_outlines
+from sain_core.transitions import SHARD_SIZE, Column, Columns
 from sain_core.workers import Work, WorkerOptions, run_on_workers
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
@@ -152,6 +154,8 @@ def convert(
     if not card.transitions:
         why = ", ".join(card.left_out()) or "no push was made"
         raise DatasetError(f"no transition is left: {why}")
+    if outlines := [shape for source in sources for shape in stated_outlines(source.bag)]:
+        write_outlines(out, outlines)
     made_by = {name: version(name) for name in ("numpy", "mcap")}
     about = {**identity, **made_by, "episodes": sharding.episodes}
     folder.finish(card.content(about, [source.entry for source in sources]), writing)
@@ -263,7 +267,7 @@ def _length(columns: Columns) -> int:
 def _tidy(columns: Columns, rows: slice) -> Columns:
     """Return some rows with columns in order, and texts as wide as the longest of them."""
     tidy = {}
-    for name in map(str, RECORDED):
+    for name in (str(one) for one in Column if one in columns):
         column = columns[name][rows]
         if column.dtype.kind == "U":
             width = max(int(np.strings.str_len(column).max()), 1)

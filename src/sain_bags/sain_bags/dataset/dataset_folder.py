@@ -19,6 +19,7 @@ from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.untrusted import PARTIAL
 from sain_core.output import MANIFEST, claim_file, claim_folder, is_ours, remove, sign, write_json
+from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import (
     PARTS,
@@ -66,7 +67,7 @@ class DatasetFolder:
         self._overwrite, self._begun = overwrite, False
         self._shards: dict[int, list[Path]] = {}  # by the number of disks
         self._counts: Counter[tuple[int, int]] = Counter()  # rows, by that and episode
-        self._names = (CARD_FILE, IDENTITY_FILE, SHARD_PATTERN)
+        self._names = (CARD_FILE, IDENTITY_FILE, OUTLINES_FILE, SHARD_PATTERN)
         self._found = found = _read_identity(path)
         claim_folder(path, (*self._names, *MADE[identity["format"]]), overwrite)
         if found is not None and found != identity and not overwrite:
@@ -124,7 +125,8 @@ class DatasetFolder:
             self._remove_gathered()
         if self._overwrite and self._found is not None:
             clear(self.path, self._found.get("format", SHARDS))
-        remove_files(self.path, CARD_FILE, self.path)
+        for name in (CARD_FILE, OUTLINES_FILE):
+            remove_files(self.path, name, self.path)
         write_json(self.path / IDENTITY_FILE, self._identity)
         self._begun = True
 

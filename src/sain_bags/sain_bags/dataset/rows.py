@@ -13,12 +13,12 @@ from sain_bags.dataset.formats import FormatName
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.latched import Latched
 from sain_bags.rows.results import OK, ResultReader, Results
-from sain_bags.rows.topics import BODIES, GOAL, PUSH_RESULT, WORLD, topics_of
+from sain_bags.rows.topics import BODIES, GOAL, PUSH_RESULT, STROKE, WORLD, topics_of
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.untrusted import one_line, shown
 from sain_core.model import Model
-from sain_core.push import BODY, PUSH_NAMES, allowed_ranges, check_predictable
+from sain_core.push import BODY, STROKE_NAMES, allowed_ranges, check_predictable
 from sain_core.scene import MASS, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET, THETA
 from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.transitions import LIMITS as UNITS
@@ -26,7 +26,13 @@ from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kin
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import FRAMES, MIN_DISKS
 
-READ: Final = (PUSH_RESULT, GOAL, BODIES, WORLD)  # types of the messages that rows are made of
+READ: Final = (
+    PUSH_RESULT,
+    STROKE,
+    GOAL,
+    BODIES,
+    WORLD,
+)  # types that rows are made of
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 LONGEST: Final = 3600.0  # [s], of a push
@@ -107,9 +113,8 @@ def read_rows(
     maker, held = _RowMaker(config, latched, prior), list[Results]()
     for batch in bag.batches(topics_of(bag, namespace, *READ), types=READ):
         latched.read(batch)
-        if not len(found := reader.of(batch)):
+        if (results := reader.results(batch)) is None:
             continue
-        results = reader.results(found)
         episodes = results.column("episode_id")
         last = held[-1].column("episode_id")[-1] if held else episodes[0]
         if len(begins := np.flatnonzero(np.diff(episodes, prepend=last))):
@@ -222,6 +227,7 @@ class _RowMaker:
             Column.LOG_TIME: results.log_times[chosen],
             Column.SOURCE: np.full(len(chosen), FROM_RESULT),
             Column.PHYSICS_SOURCE: models.astype(np.str_),
+            **{name: column[chosen] for name, column in results.origins.items()},
         }
 
     def _predict(
@@ -306,8 +312,9 @@ class _Numbers(NamedTuple):
             for column, name in enumerate(STATE_NAMES)
         ]
         ranges = {BODY: (0.0, count - 1.0)}
-        ranges |= {column: (least, most) for column, least, most in allowed_ranges(stroke=False)}
-        about += [(f"{name} of the push", *ranges.get(n, ANY)) for n, name in enumerate(PUSH_NAMES)]
+        allowed, names = allowed_ranges(results.are_strokes), STROKE_NAMES[: actions.shape[1]]
+        ranges |= {column: (least, most) for column, least, most in allowed}
+        about += [(f"{name} of the push", *ranges.get(n, ANY)) for n, name in enumerate(names)]
         about.append(("duration [s]", 0.0, LONGEST))
         flat = [part.reshape(len(chosen), -1) for part in parts.values()]
         values = np.concatenate([*flat, actions, durations[:, None]], axis=1)

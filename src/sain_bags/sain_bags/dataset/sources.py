@@ -14,6 +14,7 @@ from sain_bags.rows.topics import (
     PUSH,
     PUSH_RESULT,
     SCENE,
+    STROKE,
     choose_graph,
     left_out,
     namespaces,
@@ -44,6 +45,11 @@ class Source:
     def topics(self) -> tuple[str, ...]:
         """The topics that are read."""
         return topics_of(self.bag, self.namespace, *READ)
+
+    @property
+    def has_strokes(self) -> bool:
+        """Whether it states the tool's ways."""
+        return bool(topics_of(self.bag, self.namespace, STROKE))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -90,6 +96,12 @@ def find_sources(paths: Sequence[Path], namespace: str | None = None) -> tuple[S
                 f"{seen[source.sha256]} and {source.bag.path} are the same recording; give it once"
             )
         seen[source.sha256] = source.bag.path
+    with_strokes = [source for source in sources if source.has_strokes]
+    if 0 < len(with_strokes) < len(sources):
+        raise DatasetError(
+            f"{with_strokes[0].bag.path} states the ways of the tool, and another recording does"
+            " not; convert them apart"
+        )
     return tuple(sources)
 
 

@@ -18,6 +18,7 @@ from sain_bags.rows.topics import (
     PUSH,
     PUSH_RESULT,
     SCENE,
+    STROKE,
     WORLD,
     choose_graph,
     namespaces,
@@ -159,7 +160,8 @@ def read_episodes(
 
 def _received(bag: Bag, namespace: str) -> Iterator[Received | RecordedPush]:
     """Yield the messages of one graph in the order of their receipt, results as pushes."""
-    topics, kinds = topics_of(bag, namespace, *FIELDS, PUSH_RESULT), (*FIELDS, PUSH_RESULT)
+    kinds = (*FIELDS, STROKE, PUSH_RESULT)
+    topics = topics_of(bag, namespace, *kinds)
     for channel in bag.channels:
         if channel.topic in topics and channel.type in FIELDS:
             names = FIELDS[channel.type]
@@ -168,14 +170,14 @@ def _received(bag: Bag, namespace: str) -> Iterator[Received | RecordedPush]:
             checked_types(bag, channel, [path for some in paths for path in some])
     reader = ResultReader(bag, namespace)
     for batch in bag.batches(topics, types=kinds):
-        found = reader.of(batch)
-        pushes = reader.results(found).pushes() if len(found) else iter(())
+        results = reader.results(batch)
+        pushes = results.pushes() if results is not None else iter(())
         times = zip(batch.log_times.tolist(), batch.publish_times.tolist(), strict=True)
         for place, (number, moments) in enumerate(zip(batch.channels.tolist(), times, strict=True)):
             topic, kind = bag.channels[number].topic, bag.channels[number].type
             if kind == PUSH_RESULT:
                 yield next(pushes)
-            else:
+            elif kind != STROKE:
                 yield Received(topic, kind, bag.decode(number, batch.message(place)), *moments)
 
 

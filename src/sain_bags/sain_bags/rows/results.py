@@ -14,10 +14,14 @@ from numpy import ndarray
 from sain_bags.mcap.mcap_file import Batch
 from sain_bags.reading.reader import Bag
 from sain_bags.rows.tables import Elements, MessageTable, TableReader
-from sain_bags.rows.topics import PUSH_RESULT, topics_of
+from sain_bags.rows.topics import PUSH_RESULT, STROKE, topics_of
 from sain_core.errors import ErrorCode
-from sain_core.push import PUSH_NAMES, pushed_bodies
+from sain_core.push import PUSH_NAMES, PUSH_SIZE, STROKE_NAMES, pushed_bodies
 from sain_core.scene import STATE_SIZE, check_finite
+from sain_core.shapes.library import register_all
+from sain_core.shapes.outlines import read_stored
+from sain_core.shapes.solids import Prism
+from sain_core.transitions import ORIGINS, Columns
 from sain_core.types import Pushes, Scenes
 from sain_core.wire import as_sent, check_disks, decode_plan
 from sain_core.world import PushRecord
@@ -34,6 +38,9 @@ FIELDS: Final = (  # of a `PushResult`
     *(f"{scene}.{name}" for scene in ("before", "after") for name in SCENE_FIELDS),
     *(f"prediction.{name}" for name in ("model", "error_code", "disks")),
 )  # fmt: skip
+TOOL: Final = STROKE_NAMES[PUSH_SIZE:]  # what a `Stroke` states beside its result
+STROKE_FIELDS: Final = ("push_id", *TOOL, *map(str, ORIGINS))
+OUTLINES_KEY: Final = "outlines"  # of the custom data: the text of a data set's outlines
 
 
 @dataclass(frozen=True)
@@ -113,10 +120,20 @@ class Results:
 
     @cached_property
     def actions(self) -> ndarray:
-        """The pushes (K, 5)."""
-        return as_sent(
-            np.stack([self.column(f"push.{name}") for name in PUSH_NAMES], -1, dtype=float)
-        )
+        """The pushes (K, 5), or where the recording states the tool's ways, strokes (K, 11)."""
+        names = [f"push.{name}" for name in PUSH_NAMES] + [n for n in TOOL if self.are_strokes]
+        return as_sent(np.stack([self.column(name) for name in names], -1, dtype=float))
+
+    @property
+    def are_strokes(self) -> bool:
+        """Whether the recording states the tool's ways; NaN: not of this push."""
+        return TOOL[0] in self.table.columns
+
+    @property
+    def origins(self) -> Columns:
+        """What users call surfaces, bodies and recordings (K,); only strokes state it."""
+        columns = self.table.columns if self.are_strokes else {}
+        return {name: columns[name].astype(np.str_) for name in ORIGINS if name in columns}
 
     @cached_property
     def bodies(self) -> ndarray:
@@ -153,7 +170,7 @@ class Results:
             for scene in filter(len, (before, after)):
                 check_disks(scene)
             if code == OK:
-                check_finite(self.actions[row], PUSH_NAMES, "{name} of the push")
+                check_finite(self.actions[row], STROKE_NAMES, "{name} of the push")
             physics = self.table.sequences["prediction.disks"].one(row)
             yield RecordedPush(
                 self.actions[row],
@@ -173,16 +190,40 @@ class Results:
             )
 
 
-class ResultReader(TableReader):
-    """Reads the results of one graph."""
+def stated_outlines(bag: Bag) -> tuple[Prism, ...]:
+    """Return the shapes whose outlines a recording states; raises `DatasetError`."""
+    stated = bag.custom_data.get(OUTLINES_KEY)
+    return read_stored(stated, f"{bag.path}: {OUTLINES_KEY}") if stated else ()
+
+
+class ResultReader:
+    """Reads the results of one graph, with the strokes that were written before them."""
 
     def __init__(self, bag: Bag, namespace: str) -> None:
         """Read the definitions; raises `DatasetError` where they lack what a push needs."""
-        super().__init__(bag, topics_of(bag, namespace, PUSH_RESULT), PUSH_RESULT, FIELDS)
+        self._results, self._strokes = (
+            TableReader(bag, topics_of(bag, namespace, kind), kind, fields)
+            for kind, fields in ((PUSH_RESULT, FIELDS), (STROKE, STROKE_FIELDS))
+        )
+        self._has_strokes = bool(topics_of(bag, namespace, STROKE))
+        self._ways: dict[int, tuple[Any, ...]] = {}  # by push id
+        register_all(stated_outlines(bag), bag.path)
 
-    def results(self, batch: Batch) -> Results:
-        """Return the results, which are one or more, in a batch; raises as `read`."""
-        return Results(self.read(batch), batch.log_times)
+    def results(self, batch: Batch) -> Results | None:
+        """Return the results in a batch; None: there are none. Raises as `TableReader.read`."""
+        if len(strokes := self._strokes.of(batch)):
+            columns = self._strokes.read(strokes).columns
+            ids, *stated = (columns[name].tolist() for name in STROKE_FIELDS)
+            self._ways |= zip(ids, zip(*stated, strict=True), strict=True)
+        if not len(found := self._results.of(batch)):
+            return None
+        table = self._results.read(found)
+        if self._has_strokes:
+            none = (*len(TOOL) * (np.nan,), *len(ORIGINS) * ("",))
+            rows = [self._ways.get(push, none) for push in table.columns["push_id"].tolist()]
+            ways = map(np.array, zip(*rows, strict=True))
+            table.columns.update(zip(STROKE_FIELDS[1:], ways, strict=True))
+        return Results(table, found.log_times)
 
 
 @dataclass(frozen=True)

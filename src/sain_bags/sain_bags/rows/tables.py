@@ -29,7 +29,9 @@ SEQUENCES: Final[dict[str, tuple[str, ...]]] = {  # the numbers of an element, b
     "poses": POSE_NAMES,
     "keep": (),  # an element is a number
 }
-TEXTS: Final = frozenset({"error_message", "source", "model", "frame_id"})  # likewise
+TEXTS: Final = frozenset(  # likewise
+    {"error_message", "source", "model", "frame_id", "surface", "object", "run"}
+)
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from sain_core.goal import BodyPose, Goal
 from sain_core.push import BODY, PUSH_NAMES
 from sain_core.scene import DISK_HEIGHT, STATE_NAMES, THETA, X, Y
 from sain_core.shapes.bodies import Bodies
-from sain_core.shapes.shape import Shape, Solid
 from sain_core.shapes.solids import support_points
 from sain_core.transitions import PushHistory
 from sain_core.types import PushArray, Pushes, Scalars, Scene, Scenes
+from sain_core.wire.bodies import stated_parts
 from sain_interfaces.msg import Bodies as BodiesMessage
 from sain_interfaces.msg import Body, DiskState, GoalPose, Plan, Push
 from sain_interfaces.msg import Goal as GoalMessage
@@ -126,7 +126,14 @@ def encode_bodies(
             role=str(role),
             radius=radius,
             symmetry=shape.symmetry,
-            parts=_parts(shape, radius, top),
+            parts=[
+                SolidPrimitive(
+                    type=kind,
+                    dimensions=sizes,
+                    polygon=Polygon(points=[Point32(x=x, y=y) for x, y in corners.tolist()]),
+                )
+                for kind, sizes, corners in stated_parts(shape, radius, top)
+            ],
             supports=[
                 Point(x=x, y=y, z=-top / 2) for x, y in support_points(shape, radius).tolist()
             ],
@@ -136,22 +143,6 @@ def encode_bodies(
         )
     ]
     return BodiesMessage(header=header(stamp), episode_id=episode_id, bodies=messages)
-
-
-def _parts(shape: Shape, radius: float, height: float) -> list[SolidPrimitive]:
-    if shape.solid is Solid.CYLINDER:
-        return [SolidPrimitive(type=SolidPrimitive.CYLINDER, dimensions=[height, radius])]
-    if shape.solid is Solid.BOX:
-        sides = [2 * radius, 2 * radius, height]
-        return [SolidPrimitive(type=SolidPrimitive.BOX, dimensions=sides)]
-    return [
-        SolidPrimitive(
-            type=SolidPrimitive.PRISM,
-            dimensions=[height],
-            polygon=Polygon(points=[Point32(x=x, y=y) for x, y in part.tolist()]),
-        )
-        for part in shape.parts(radius)
-    ]
 
 
 def encode_push(

@@ -207,11 +207,16 @@ def outline_folder() -> Path:
 
 def register_outlines(folder: Path) -> None:
     """Let the shapes of a data set be found by their names; raises `DatasetError`."""
-    for shape in stored_outlines(folder):
+    register_all(stored_outlines(folder), folder)
+
+
+def register_all(shapes: Iterable[Shape], where: object) -> None:
+    """Let shapes that a place states be found by their names; raises `DatasetError`."""
+    for shape in shapes:
         try:
             register(shape)
         except ConfigError as error:
-            raise DatasetError(f"the outlines in {folder} cannot be used: {error}") from error
+            raise DatasetError(f"the outlines in {where} cannot be used: {error}") from error
 
 
 def own_body(name: str) -> BodyOutline | None:

@@ -403,12 +403,18 @@ def write_outlines(folder: Path, shapes: Iterable[Shape]) -> None:
 def stored_outlines(folder: Path) -> tuple[Prism, ...]:
     """Return the shapes of a data set, if it has any; raises `DatasetError`."""
     path = folder / OUTLINES_FILE
-    if not path.exists():
-        return ()
     try:
-        return _stored(read_regular_text(path))
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, ConfigError) as error:
+        return read_stored(read_regular_text(path), path) if path.exists() else ()
+    except (OSError, UntrustedFileError) as error:
         raise DatasetError(f"{path} is damaged: {error}") from error
+
+
+def read_stored(text: str, where: object) -> tuple[Prism, ...]:
+    """Return the shapes that the text of an `OUTLINES_FILE` states; raises `DatasetError`."""
+    try:
+        return _stored(text)
+    except (ValueError, TypeError, KeyError, AttributeError, ConfigError) as error:
+        raise DatasetError(f"{where} is damaged: {error}") from error
 
 
 @lru_cache(maxsize=64)

@@ -18,7 +18,7 @@ from sain_core.scene import DISK_HEIGHT
 from sain_core.shapes.bodies import Bodies, as_roles
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import MOST_HEIGHT
-from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape
+from sain_core.shapes.shape import FEET, FLAT, FLAT_MARK, Pair, Ring, Shape, Solid
 from sain_core.shapes.solids import DISK, Prism
 from sain_core.types import Points
 
@@ -60,6 +60,17 @@ def decode_request_bodies(request: Any, stated: Bodies) -> Bodies:
         tuple(known[name] if name in known else get_shape(name, body) for body, name in named),
         as_roles(roles),
     )
+
+
+def stated_parts(
+    shape: Shape, radius: float, height: float
+) -> list[tuple[int, list[float], Points]]:
+    """Return what a message states of a body: of each part type, dimensions and corners (M, 2)."""
+    if shape.solid is Solid.CYLINDER:
+        return [(CYLINDER, [height, radius], np.empty((0, 2)))]
+    if shape.solid is Solid.BOX:
+        return [(BOX, [2 * radius, 2 * radius, height], np.empty((0, 2)))]
+    return [(PRISM, [height], part) for part in shape.parts(radius)]
 
 
 def check_unchanged(first: Bodies, now: Bodies) -> None:

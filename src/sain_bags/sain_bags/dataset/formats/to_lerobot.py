@@ -21,6 +21,7 @@ from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, rea
 from sain_core.goal import observed_poses
 from sain_core.policy import GOAL, STATE, names_of_numbers, task_of
 from sain_core.pretrained import LeRobotDataset, SuppressProgressBars, write_info, write_stats
+from sain_core.push import STROKE_NAMES
 from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
 
 FRAMES_A_SECOND: Final = 1
@@ -80,6 +81,7 @@ def _finite_stats(values: ndarray) -> dict[str, ndarray]:
 def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     names = names_of_numbers(rows.disks)
     named = names | dict.fromkeys((NEXT_STATE, Column.PHYSICS_NEXT), names[STATE])
+    named |= {Column.ACTION: list(STROKE_NAMES[: frames[Column.ACTION].shape[1]])}
     features = {
         key: {
             "dtype": "string" if values.dtype.kind == "U" else str(values.dtype),
