@@ -15,9 +15,14 @@ from sain_core.cli.program import find_commands
 from sain_core.config import MOST_SEED, Config
 from sain_core.errors import OutputError
 
-NEW_ONLY: Final = ("sain_bags record", "sain_bags recover")  # a folder that must not exist
+NEW_ONLY: Final = (
+    "sain_bags record",
+    "sain_bags recover",
+    "sain_bags from_dataset",
+)  # a folder that must not exist
 NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each command
     "sain_bags record": (),
+    "sain_bags from_dataset": ("nowhere",),
     "sain_bags recover": ("nowhere",),
     "sain_bags report": ("nowhere",),
     "sain_bags to_dataset": ("nowhere",),

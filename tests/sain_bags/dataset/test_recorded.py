@@ -19,18 +19,13 @@ from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import IMPORTED, Column, shard_path
 from sain_model.cli import real_import
 from sain_model.data.dataset import load_dataset
+from tests.definitions import find_own
 from tests.sain_model.importing.recorded import HEADER, PUSHES, simulate, write_csv, write_stated
-
-ROOT = Path(__file__).parents[3]
 
 
 @pytest.fixture(autouse=True)
 def definitions(tmp_path, monkeypatch):
-    """Find the definitions of this checkout, whenever its messages were built."""
-    share = tmp_path / "prefix" / "share"
-    share.mkdir(parents=True)
-    (share / "sain_interfaces").symlink_to(ROOT / "src" / "sain_interfaces")
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(share.parent), prepend=":")
+    find_own(tmp_path, monkeypatch)
 
 
 @pytest.fixture(scope="module")

@@ -1,10 +1,11 @@
 """What docs/guides/real_pushes.md shows is run as it stands there; training is short."""
 
 import re
+from importlib import import_module
 from pathlib import Path
 
-from sain_model import commands
 from sain_model.data.dataset import load_dataset
+from tests.definitions import find_own
 from tests.documentation.shell import ROOT, command_blocks, commands_in
 
 PAGE = ROOT / "docs/guides/real_pushes.md"
@@ -25,9 +26,11 @@ def test_the_page_s_commands_run(tmp_path, monkeypatch, capsys):
     assert len(Path("pushes.csv").read_text().splitlines()) == 10
     blocks = [block for block in command_blocks(PAGE) if not block.reason]
     run = [words for block in blocks for words in commands_in(block.code, scratch)]
-    assert [words[4] for words in run] == ["real_import", "identify", "train"]
+    names = ["real_import", "identify", "train", "from_dataset", "report"]
+    assert [words[4] for words in run] == names
+    find_own(tmp_path, monkeypatch)
     for words in run:
-        command = getattr(commands, words[4])
+        command = getattr(import_module(f"{words[3]}.commands"), words[4])
         assert command([*words[5:], *SHORT.get(words[4], [])]) == 0, capsys.readouterr()
     printed = capsys.readouterr().out
     assert "9 pushes of 1 bodies; surfaces: steel 9" in printed
@@ -35,3 +38,4 @@ def test_the_page_s_commands_run(tmp_path, monkeypatch, capsys):
     data = load_dataset(Path("data/lab")).alike
     assert data.action.shape == (9, 11)
     assert Path("runs/lab/sain.safetensors").exists()
+    assert "9 pushes" in printed.split("written to")[-1] and Path("bags/lab.html").exists()

@@ -5,6 +5,7 @@ of outlines in single precision; the bag's custom data states them as the data s
 """
 
 import json
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -16,7 +17,7 @@ from sain_bags.rows.results import OK, OUTLINES_KEY, SECOND
 from sain_bags.rows.topics import BODIES, PUSH_RESULT, SCENE, STROKE, WORLD
 from sain_bags.writing.messages import MessageMaker
 from sain_bags.writing.writer import BagWriter
-from sain_core.errors import DatasetError, InvalidInputError
+from sain_core.errors import DatasetError, InvalidInputError, OutputError
 from sain_core.guarding.documents import read_json
 from sain_core.push import PUSH_NAMES, PUSH_SIZE, STROKE_NAMES, is_stroke
 from sain_core.scene import RADIUS, STATE_NAMES
@@ -63,6 +64,8 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
         OutputError: there is something at `out`, or it cannot be written.
         InvalidInputError: no definitions of messages are installed.
     """
+    if os.path.lexists(out):
+        raise OutputError(f"{out} exists; a bag is never overwritten, choose another")
     register_outlines(data)
     shards = [_read(path) for path in sorted(data.glob(SHARD_PATTERN))]
     if not shards:
