@@ -16,7 +16,8 @@ import numpy as np
 import psutil
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseArray
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -148,7 +149,7 @@ class Trial:
 
     supervisor: Supervisor
     client: Client
-    executor: SingleThreadedExecutor
+    executor: Executor
     bodies: BodyFile
     goals: int = 0
     report: str = ""  # of the table, at the end: what was broken
@@ -236,7 +237,7 @@ def trial(options: GraphOptions, folder: Path) -> Iterator[Trial]:
         stack.enter_context(own_domain())
         stack.enter_context(ros_context())
         supervisor = stack.enter_context(Supervisor(folder, UNHURRIED))
-        client, executor = Client(), SingleThreadedExecutor()
+        client, executor = Client(), EventsExecutor()
         stack.callback(client.destroy_node)
         executor.add_node(client)
         stack.callback(executor.shutdown, 5.0)

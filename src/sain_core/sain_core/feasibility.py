@@ -85,7 +85,7 @@ class Reach(Config):
         free = at[1:, 1:] & at[:-1, 1:] & at[1:, :-1] & at[:-1, :-1]
         return ReachTable.of((-self.outer, -self.outer), self.outer / CELLS, free)
 
-    @property
+    @cached_property
     def outlines(self) -> list[Points]:
         """The corners (M, 2) [m] of its pieces."""
         way = unit(np.linspace(-self.max_bearing, self.max_bearing, ARC))
@@ -139,7 +139,7 @@ class ReachTable(Reach):
         )
         return f"within x {x[0]:.2f} to {x[1]:.2f} m, y {y[0]:.2f} to {y[1]:.2f} m"
 
-    @property
+    @cached_property
     def outlines(self) -> list[Points]:
         """The corners (M, 2) [m] of its pieces."""
         from shapely import box, get_parts, union_all

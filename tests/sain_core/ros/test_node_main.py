@@ -40,6 +40,36 @@ WRONG = {
 }
 
 
+WORKS = """
+import os, signal, sys, time
+from rclpy.node import Node
+from sain_core.ros.node_main import run_node, steady_timer
+from sain_core.ros.worker import Worker
+
+class Works(Node):
+    awaits = {awaits}
+
+    def __init__(self):
+        super().__init__("works")
+        self.worker, self.ticks, self.done = Worker(self, "work"), 0, []
+        self.submit("before it spins")
+        steady_timer(self, 0.02, self.tick)
+
+    def submit(self, what):
+        self.worker.submit(lambda: what, lambda done: self.done.append(done.result()))
+
+    def tick(self):
+        self.ticks += 1
+        if self.ticks == 10:
+            self.submit("later")
+        if self.ticks == 20:
+            print(self.done)
+            os.kill(os.getpid(), signal.SIGINT)
+
+print(run_node(Works, "works"))
+"""
+
+
 def command(name: str, *arguments: str) -> list[str]:
     code = f"import sys; from {PACKAGES[name]}.commands import {name}; sys.exit({name}())"
     return [sys.executable, "-c", code, "--ros-args", *arguments]
@@ -55,6 +85,13 @@ def test_what_is_wrong_at_the_start_is_told_in_one_line(ros_domain):
     for line, (text, (name, *_)) in zip(lines, WRONG.items(), strict=True):
         assert line.startswith(f"{name}:") and text in line
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("awaits", [True, False])
+def test_either_executor_calls_timers_and_hands_work_back(awaits, ros_domain):
+    code = WORKS.format(awaits=awaits)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.splitlines() == ["['before it spins', 'later']", "0"], done.stderr
 
 
 def test_a_node_that_is_told_to_stop_stops_cleanly(ros_domain):

@@ -97,11 +97,9 @@ def test_each_executed_push_counts_and_no_refused_one(lab):
         lab.move(0, (0.05, 0.0), 10)
         end = lab.time
         lab.look(12)
-        lab.tracker.answered(push_id, ErrorCode.OK, end)
-        lab.tracker.answered(push_id, ErrorCode.OK, end)  # it came twice
-        assert lab.ids == (1, push_id - 4)
-        lab.look()
-        assert lab.tracker.settled
+        assert lab.tracker.answered(push_id, ErrorCode.OK, end)  # the bodies were seen at rest
+        assert not lab.tracker.answered(push_id, ErrorCode.OK, end)  # it came twice
+        assert lab.tracker.settled and lab.ids == (1, push_id - 4)
     lab.look(30)
     assert lab.ids == (1, 3)
 
@@ -109,7 +107,7 @@ def test_each_executed_push_counts_and_no_refused_one(lab):
 def test_frames_from_before_the_end_of_a_push_show_no_scene_after_it(lab):
     """A camera may be late: what rests in its frames has not been pushed yet."""
     lab.tracker.sent(5, 1, 1, lab.time)
-    lab.tracker.answered(5, ErrorCode.OK, lab.time + 0.2)
+    assert not lab.tracker.answered(5, ErrorCode.OK, lab.time + 0.2)
     lab.look(6)
     assert not lab.tracker.settled
     lab.look(10)

@@ -10,7 +10,7 @@ from collections import deque
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import partial
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 from nav_msgs.msg import OccupancyGrid
 from rclpy.node import Node
@@ -37,6 +37,8 @@ Wanted = events.PlanPush | events.PlanRetreat | events.PlanHome | events.PlanAhe
 
 class PushingNode(Node, ABC):
     """Carries out one push at a time. What is abstract, a robot adds."""
+
+    awaits: ClassVar = False
 
     execution: PushExecution  # the state machine; a robot makes it,
     driver: PushDriver  # and this, which takes pushes and answers them

@@ -6,7 +6,6 @@ from queue import SimpleQueue
 from time import monotonic
 from typing import Any, Final, TypeVar
 
-from rclpy.callback_groups import MutuallyExclusiveCallbackGroup
 from rclpy.node import Node
 
 from sain_core.guarding import lifetime
@@ -36,8 +35,8 @@ class Worker:
         """Start the thread."""
         self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix=name)
         self._outcomes: SimpleQueue[Outcome] = SimpleQueue()
-        group = MutuallyExclusiveCallbackGroup()  # no coroutine of the node's own bars the way
-        self._guard = node.create_guard_condition(self._hand_back, group)
+        self._node = node
+        self._before = node.create_timer(0.001, self._begin)  # a job may end before the node spins
         self._pending: set[Future[Any]] = set()
         self._closed = self._ended = False
 
@@ -107,11 +106,16 @@ class Worker:
     def _finished(self, future: "Future[Any]", then: Callable[["Future[Any]"], object]) -> None:
         if not self._closed:
             self._outcomes.put((future, then))
-            self._guard.trigger()
+            if (executor := self._node.executor) is not None:
+                executor.create_task(self._hand_back)
 
     def _wake(self, _: "Future[Any]") -> None:
-        if not self._closed:
-            self._guard.trigger()
+        if not self._closed and (executor := self._node.executor) is not None:
+            executor.wake()
+
+    def _begin(self) -> None:
+        self._before.cancel()
+        self._hand_back()
 
     def _hand_back(self) -> None:
         while not self._outcomes.empty():

@@ -91,7 +91,8 @@ class PlanningDecider(Decider):
 
     What earlier pushes show is inferred beside the arm's motion. A prepared plan is corrected with
     what was inferred then: the latest push, which led about where it should, counts from the next
-    plan on. A surprise counts at once, and so does an episode's first push.
+    plan on; so does it where the next goal comes. A surprise counts at once, and so does an
+    episode's first push.
     """
 
     def __init__(
@@ -122,7 +123,8 @@ class PlanningDecider(Decider):
         """
         config, monitor = self._config, self._monitor
         started, time = monotonic(), config.deadline
-        if job.session != self._session:
+        is_new = job.session != self._session
+        if is_new:
             monitor.reset()
             self._session, self._rest = job.session, WarmStart()
         monitor.config = config.progress
@@ -137,7 +139,8 @@ class PlanningDecider(Decider):
         if warning or config != self._planner.config:
             self._rest = replace(self._rest, prepared=None)
         prepared = self._rest.prepared_for(job.problem.goal, bool(job.problem.refused))
-        history = self._inferred if prepared is not None and self._inferred else job.history
+        later = self._inferred and (prepared is not None or (is_new and self._continues(job)))
+        history = self._inferred if later else job.history
         model = self._following(history, job.problem.bodies)
         planner = self._planner = Planner(model, config, monitor.careful)
         if warning:
@@ -154,6 +157,13 @@ class PlanningDecider(Decider):
     def _following(self, history: PushHistory | None, bodies: Bodies) -> "FallbackRollout":
         """Return the model after a history, with physics behind it."""
         return FallbackRollout(self._model, self._physics, history, bodies, self._patience)
+
+    def _continues(self, job: PlanJob) -> bool:
+        """Return whether at most one push was made since the model was inferred."""
+        assert self._inferred is not None
+        earlier = self._inferred.action
+        is_recent = 0 <= len(job.history) - len(earlier) <= 1
+        return is_recent and np.array_equal(job.history.action[: len(earlier)], earlier)
 
     def _infer(self, job: PlanJob) -> None:
         """Have the planner's model follow all pushes before a job, where it does not yet."""

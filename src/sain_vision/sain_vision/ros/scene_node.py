@@ -1,7 +1,7 @@
 """The node of scenes: poses of bodies, however they were found, become `scene` and `shapes`."""
 
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped
@@ -49,6 +49,8 @@ CAMERA = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)  # hear
 
 class SceneNode(Node):
     """Follows the bodies and publishes them with the ids that pushes refer to."""
+
+    awaits: ClassVar = False
 
     def __init__(self, **options: Any) -> None:
         super().__init__("scene_node", namespace=NAMESPACE, **options)
@@ -122,7 +124,8 @@ class SceneNode(Node):
 
     def _on_result(self, message: PushResult) -> None:
         end = codec.decode_time(message.header.stamp)
-        self.tracker.answered(message.push_id, message.error_code, end)
+        if self.tracker.answered(message.push_id, message.error_code, end):
+            self._publish()  # bodies have come to rest already: a look less to wait for
 
     def _on_detections(self, message: Detection3DArray) -> None:
         seen = decode_detections(message, self.bodies, self.config.frame)

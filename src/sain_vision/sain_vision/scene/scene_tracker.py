@@ -174,10 +174,13 @@ class SceneTracker:
         if push_id not in self._answered and len(self._under_way) < REMEMBERED:
             self._under_way.setdefault(push_id, now)
 
-    def answered(self, push_id: int, code: int, end: float) -> None:
-        """Take note of what became of a push that ended at a time; one that was executed counts."""
+    def answered(self, push_id: int, code: int, end: float) -> bool:
+        """Take note of what became of a push that ended at a time; one that was executed counts.
+
+        Return whether that makes a scene: the bodies were seen at rest after it.
+        """
         if code == ErrorCode.DUPLICATE_PUSH or push_id in self._answered:
-            return
+            return False
         self._answered.append(push_id)
         self._under_way.pop(push_id, None)
         self.lost = ""
@@ -187,6 +190,10 @@ class SceneTracker:
             self._ended = end
             for track in self._tracks:
                 track.forget_until(end)
+        rests = self._rests and not (self._under_way or self._age)
+        if rests:
+            self._rest()
+        return rests
 
     def _restless(self) -> str:
         """Return in words that bodies do not come to rest; empty: they may."""

@@ -6,8 +6,9 @@ large is refused before the callback sees it; `sain_core.wire` checks shapes and
 
 import inspect
 import traceback
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from concurrent.futures import Future
+from contextlib import contextmanager
 from math import inf
 from time import monotonic
 from typing import Any, Final, TypeVar
@@ -191,21 +192,31 @@ class Reception:
         """
         self._received[name] = 0
 
-        async def answer(request: Any, response: Any) -> Any:
-            self._received[name] += 1
-            try:
+        async def answer_later(request: Any, response: Any) -> Any:
+            with self._answering(name, response):
                 check_size(request, most)
-                answered = callback(request, response)
-                if inspect.isawaitable(answered):
-                    await answered
-                response.error_code = int(ErrorCode.OK)
-            except Exception as error:  # noqa: BLE001 - an error is an answer
-                response.error_code, response.error_message = self.explain(error)
+                await callback(request, response)
             return response
 
+        def answer(request: Any, response: Any) -> Any:
+            with self._answering(name, response):
+                check_size(request, most)
+                callback(request, response)
+            return response
+
+        take = answer_later if inspect.iscoroutinefunction(callback) else answer
         return self._node.create_service(
-            kind, name, answer, qos_profile=SERVICE, callback_group=group
+            kind, name, take, qos_profile=SERVICE, callback_group=group
         )
+
+    @contextmanager
+    def _answering(self, name: str, response: Any) -> Iterator[None]:
+        self._received[name] += 1
+        try:
+            yield
+            response.error_code = int(ErrorCode.OK)
+        except Exception as error:  # noqa: BLE001 - an error is an answer
+            response.error_code, response.error_message = self.explain(error)
 
     def act(
         self,
