@@ -13,15 +13,14 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon, box
 
-from pusht.block import DISK, MIDDLE, WALLS
+from pusht.block import MIDDLE, WALLS
 from sain_core.errors import UnreachableError
 
-LOW, HIGH = WALLS[0] + DISK, WALLS[1] - DISK  # [px], where the middle of the disk may be
 KEEP_OFF: Final = 4.0  # [px], gap between disk and block for which paths are planned
-ROOM: Final = box(LOW, LOW, HIGH, HIGH)
 LEAST_GAP: Final = 0.3  # [px], the smallest that is accepted on a path
 ROUNDING: Final = 0.01  # [px]
 FREE: Final = 100.0  # [px], longest path in a step without contact
+AT_SPEED: Final = 0.4  # of the reach of targets: the way in a step at the speed that they allow
 LANDING: Final = 50.0  # [px/s], at the start of a stroke
 SLOWER: Final = 0.7 ** np.arange(6)  # factors on the speed of a path, one try after another
 STEADY: Final = 0.02  # weight of a target's change, so that targets stay near the places
@@ -39,11 +38,24 @@ class Servo:
     k_v: float  # [1/s]
     time_step: float  # [s], of the simulation
     substeps: int  # of the simulation in a step of control
+    reach: float = np.inf  # [px], how far a target may be from the place, in each coordinate
 
     @classmethod
-    def of(cls, env: Any) -> "Servo":
-        """Return the controller of a gym-pusht environment."""
-        return cls(env.k_p, env.k_v, env.dt, int(1 / (env.dt * env.control_hz)))
+    def of(cls, env: Any, reach: float = np.inf) -> "Servo":
+        """Return the controller of an environment."""
+        return cls(env.k_p, env.k_v, env.dt, int(1 / (env.dt * env.control_hz)), reach)
+
+    @property
+    def free(self) -> float:
+        """The longest path [px] in a step without contact."""
+        return min(FREE, AT_SPEED * self.reach)
+
+    def allows(self, motion: np.ndarray, targets: np.ndarray) -> bool:
+        """Tell whether targets (S, 2) are near enough to the places where they are given."""
+        if np.isinf(self.reach):  # targets are places in the room
+            return bool(((targets >= 0.0) & (targets <= 2.0 * MIDDLE)).all())
+        ends = self.follow(motion, targets)[self.substeps - 1 :: self.substeps, 0]
+        return bool((np.abs(targets - [motion[0], *ends[:-1]]) <= self.reach).all())
 
     @property
     def period(self) -> float:
@@ -107,6 +119,7 @@ class Servo:
 
 def plan_motion(
     servo: Servo,
+    room: "Room",
     motion: np.ndarray,
     start: np.ndarray,
     end: np.ndarray,
@@ -116,41 +129,86 @@ def plan_motion(
     """Return targets (S, 2) that lead the disk to a stroke from start to end (2,), and along it.
 
     Until the stroke, the disk does not touch the outline (M, 2); if it touches it now, it leaves
-    it first. Where a fast path would touch it, a slower one is taken.
+    it first. Where a fast path would touch it, or targets would be too far, a slower one is taken.
 
     Raises:
         UnreachableError: there is no such path between the walls.
     """
     block = Polygon(outline)
-    path, stroke = _path_round(motion[0], start, block), servo.stroke(start, end, speed)
+    path = room.path_round(motion[0], start, block)
     for slower in SLOWER:
-        approach = _spread(path, slower * FREE)
-        places = np.concatenate([approach, stroke])
+        approach = _spread(path, slower * servo.free)
+        pace = speed if np.isinf(servo.reach) else slower * speed
+        places = np.concatenate([approach, servo.stroke(start, end, pace)])
         landing = LANDING * direction(start, end)
         stops = {len(approach) - 1: landing, len(places) - 1: np.zeros(2)}
         targets = servo.targets(motion, places, stops)
         free = servo.follow(motion, targets[: len(approach)])[:, 0]
-        allowed = (targets >= 0.0) & (targets <= 2.0 * MIDDLE)
-        if allowed.all() and _keeps_off(shapely.distance(block, shapely.points(free)) - DISK):
+        gaps = shapely.distance(block, shapely.points(free)) - room.disk
+        if servo.allows(motion, targets) and _keeps_off(gaps):
             return targets
     raise UnreachableError(f"no path of the disk to {_shown(start)} px keeps off the block")
 
 
-def shut_off(places: np.ndarray, outlines: np.ndarray) -> np.ndarray:
-    """Tell which places (B, 2) an outline (B, M, 2) and walls part from most of the room."""
-    reach, found = DISK + KEEP_OFF, np.zeros(len(places), dtype=bool)
-    near = np.flatnonzero(((outlines < LOW + reach) | (outlines > HIGH - reach)).any(axis=(1, 2)))
-    free = shapely.difference(ROOM, _grown(shapely.polygons(outlines[near])))
-    parts, row = shapely.get_parts(free, return_index=True)
-    order = np.lexsort((shapely.area(parts), row))
-    largest = order[np.diff(row[order], append=len(near)) > 0]
-    found[near] = shapely.distance(parts[largest], shapely.points(places[near])) > KEEP_OFF
-    return found
+@dataclass(frozen=True)
+class Room:
+    """Where the middle of a disk of this radius [px] can be."""
 
+    disk: float
 
-def nearest_outside(place: np.ndarray, block: Polygon) -> np.ndarray:
-    """Return the nearest place (2,) at which the disk keeps off the block."""
-    return _outside(place, block.buffer(DISK + KEEP_OFF))
+    @property
+    def low(self) -> float:
+        """The least coordinate [px]."""
+        return WALLS[0] + self.disk
+
+    @property
+    def high(self) -> float:
+        """The greatest coordinate [px]."""
+        return WALLS[1] - self.disk
+
+    def contains(self, places: np.ndarray) -> np.ndarray:
+        """Tell which places (..., 2) are between the walls."""
+        return ((places >= self.low) & (places <= self.high)).all(axis=-1)
+
+    def shut_off(self, places: np.ndarray, outlines: np.ndarray) -> np.ndarray:
+        """Tell which places (B, 2) an outline (B, M, 2) and walls part from most of the room."""
+        reach, found = self.disk + KEEP_OFF, np.zeros(len(places), dtype=bool)
+        narrow = (outlines < self.low + reach) | (outlines > self.high - reach)
+        near = np.flatnonzero(narrow.any(axis=(1, 2)))
+        free = shapely.difference(self._free, self._grown(shapely.polygons(outlines[near])))
+        parts, row = shapely.get_parts(free, return_index=True)
+        order = np.lexsort((shapely.area(parts), row))
+        largest = order[np.diff(row[order], append=len(near)) > 0]
+        found[near] = shapely.distance(parts[largest], shapely.points(places[near])) > KEEP_OFF
+        return found
+
+    def nearest_outside(self, place: np.ndarray, block: Polygon) -> np.ndarray:
+        """Return the nearest place (2,) at which the disk keeps off the block."""
+        return _outside(place, block.buffer(self.disk + KEEP_OFF))
+
+    def path_round(self, start: np.ndarray, end: np.ndarray, block: Polygon) -> np.ndarray:
+        """Return the shortest path (P, 2) from a place to another that keeps off the block."""
+        grown = self._grown(block)
+        first, last = _outside(start, grown), _outside(end, grown)
+        ends = shapely.points([first, last])
+        for part in shapely.get_parts(self._free.difference(grown)):
+            if (shapely.distance(part, ends) < ROUNDING).all():
+                corners = shapely.get_coordinates(part)
+                places = [start, *_shortest([first, last, *corners], part.buffer(ROUNDING)), end]
+                apart = np.hypot(*np.diff(places, axis=0, prepend=np.inf).T) > ROUNDING
+                return np.array(places)[apart]
+        raise UnreachableError(
+            f"no path of the disk from {_shown(start)} px to {_shown(end)} px, round the block and"
+            " between the walls"
+        )
+
+    @property
+    def _free(self) -> Polygon:
+        return box(self.low, self.low, self.high, self.high)
+
+    def _grown(self, block: Any) -> Any:
+        """Return where the middle of the disk would be too near a block, or several."""
+        return shapely.buffer(block, self.disk + KEEP_OFF, join_style="mitre", mitre_limit=1.5)
 
 
 def direction(start: np.ndarray, end: np.ndarray) -> np.ndarray:
@@ -162,28 +220,6 @@ def ramp(total: float, most: float) -> np.ndarray:
     """Return distances (S,) up to `total` of which the first and the last step are short."""
     count = max(int(np.ceil(total / most)) + 1, 2)
     return total * np.minimum((np.arange(1, count + 1) - 0.5) / (count - 1), 1.0)
-
-
-def _path_round(start: np.ndarray, end: np.ndarray, block: Polygon) -> np.ndarray:
-    """Return the shortest path (P, 2) from a place to another that keeps off the block."""
-    grown = _grown(block)
-    first, last = _outside(start, grown), _outside(end, grown)
-    ends = shapely.points([first, last])
-    for part in shapely.get_parts(ROOM.difference(grown)):
-        if (shapely.distance(part, ends) < ROUNDING).all():
-            corners = shapely.get_coordinates(part)
-            places = [start, *_shortest([first, last, *corners], part.buffer(ROUNDING)), end]
-            apart = np.hypot(*np.diff(places, axis=0, prepend=np.inf).T) > ROUNDING
-            return np.array(places)[apart]
-    raise UnreachableError(
-        f"no path of the disk from {_shown(start)} px to {_shown(end)} px, round the block and"
-        " between the walls"
-    )
-
-
-def _grown(block: Any) -> Any:
-    """Return where the middle of the disk would be too near a block, or several."""
-    return shapely.buffer(block, DISK + KEEP_OFF, join_style="mitre", mitre_limit=1.5)
 
 
 def _outside(place: np.ndarray, grown: Polygon) -> np.ndarray:

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from shapely import Polygon
 
-from pusht.block import SHAPE, scene_of
+from pusht.block import SHAPE, T
 from pusht.world import PushtWorld, friction_of
 from sain_core.goal import BodyPose, Goal, Judgement
 from sain_core.scene import THETA, Table
@@ -52,7 +52,7 @@ class PushtScenario:
         """Return gym-pusht's episode of a seed, once nothing overlaps."""
         friction, world = friction_of(seed), PushtWorld()
         scene = world.begin(seed)
-        x, y, heading = scene_of(world.env.goal_pose)[0, : THETA + 1].tolist()
+        x, y, heading = T.scene_of(world.env.goal_pose)[0, : THETA + 1].tolist()
         goal = CoverageGoal((BodyPose(0, x, y, heading),))
         names = (SHAPE.name,)
         return ScenarioScene(

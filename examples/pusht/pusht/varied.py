@@ -1,0 +1,315 @@
+"""stable-worldmodel's Push-T, with its factors of variation, as a world; and episodes in it."""
+
+import sys
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from importlib import import_module
+from importlib.util import find_spec, module_from_spec
+from typing import Any, Final
+
+import numpy as np
+import shapely
+
+from pusht.block import PIXEL, WALLS, Block, metres, pixels
+from pusht.model import Contacts
+from pusht.motion import Servo, plan_motion
+from pusht.sight import Eyes
+from pusht.world import DiskWorld
+from sain_core.errors import ConfigError, UnreachableError
+from sain_core.feasibility import Feasibility
+from sain_core.goal import BodyPose, Goal, Judgement
+from sain_core.push import PushLimits
+from sain_core.scene import THETA, Table, make_scene, wrap_angle
+from sain_core.shapes.bodies import Bodies
+from sain_eval.loop.play import play
+from sain_mppi.agent.agent import AgentConfig, planning_agent
+from sain_mppi.config import PlannerConfig, ProgressConfig
+
+PACKAGE: Final = "stable_worldmodel"
+INSTALL: Final = "pip install --no-deps stable-worldmodel==0.1.1 loguru==0.7.3"
+DISK_SHAPE: Final = 0  # of the agent: "o"
+STARTS: Final = ("agent.start_position", "block.start_position", "block.angle")  # its default
+REACH: Final = 100.0  # [px], of an action: its action_scale
+NEAR: Final = 20.0  # [px], over places of agent and block: its eval_state
+TURN: Final = np.pi / 9  # likewise
+MOST_STEPS: Final = 200  # twice those of its World
+SHARES: Final = (
+    0.75,
+    0.5,
+    0.25,
+)  # of these, within which the block is brought, one try after another
+MOST_PUSHES: Final = 60  # of one try
+DRAWN: Final = 8000  # poses near a goal
+GAP: Final = 1.0  # [px], between agent and block at the end
+LEAST: Final = 0.1  # more than the least that is possible
+WAITS: Final = 4  # steps in which the disk comes to rest
+SPEED: Final = 0.24  # [m/s], of strokes: 30 px in a step
+PLANNER: Final = PlannerConfig(
+    speeds=(SPEED,),
+    correction_speed=SPEED,
+    samples=256,
+    horizon=2,
+    ahead=False,
+    progress=ProgressConfig(stalled_after=2, give_up_after=4),
+)
+
+
+def make_env() -> Any:
+    """Return stable-worldmodel's Push-T as its authors made it.
+
+    Their package imports PyTorch and data sets wherever one begins. So only the modules of Push-T
+    are loaded, in packages of these names that are otherwise empty. They ask for pymunk 7, and
+    gym-pusht for an earlier one: the one method that has another name there gets its new one.
+
+    Raises:
+        ConfigError: it is not installed, or cannot be loaded.
+    """
+    try:
+        import pymunk
+
+        if PACKAGE not in sys.modules:
+            _prepare_packages()
+        if not hasattr(pymunk.Space, "on_collision"):
+            pymunk.Space.on_collision = _on_collision
+        return import_module(f"{PACKAGE}.envs.pusht.env").PushT()
+    except ImportError as error:
+        message = f"stable-worldmodel's Push-T cannot be imported ({error}); {INSTALL}"
+        raise ConfigError(message) from error
+
+
+def _prepare_packages() -> None:
+    for name in (PACKAGE, f"{PACKAGE}.envs", f"{PACKAGE}.envs.pusht"):
+        spec = find_spec(name)
+        if spec is None:
+            raise ImportError(f"no module named {name}")
+        sys.modules[name] = module_from_spec(spec)
+    sys.modules[PACKAGE].utils = import_module(f"{PACKAGE}.utils")
+
+
+def _on_collision(space: Any, first: int, second: int, post_solve: Any) -> None:
+    space.add_collision_handler(first, second).post_solve = post_solve
+
+
+def factors() -> list[str]:
+    """Return the names of all factors of variation."""
+    return make_env().variation_space.names()
+
+
+class VariedWorld(DiskWorld):
+    """An episode of stable-worldmodel's Push-T, seen by its states.
+
+    Attributes:
+        success: the step at which the environment first stated success; 0: none yet.
+    """
+
+    name = "stable-worldmodel's Push-T"
+
+    def __init__(self, varied: Sequence[str], seed: int, most: int = MOST_STEPS) -> None:
+        """Begin the episode of a seed in which these factors are drawn."""
+        self.env, self.most, self.success = make_env(), most, 0
+        self.env.reset(seed=seed, options={"variation": list(varied)})
+        self.servo = Servo.of(self.env, REACH)
+        disk = next(iter(self.env.agent.shapes))
+        if self.env.variation_space["agent"]["shape"].value != DISK_SHAPE:
+            raise ConfigError("the agent is no disk; leave agent.shape out of what is varied")
+        super().__init__(Block.read("varied", self.env.block), disk.radius)
+        self._begin()
+        self._part()
+        self._come_out()
+
+    @property
+    def goals(self) -> list[np.ndarray]:
+        """The places of agent and block (5,) [px, rad] that are the goal, or may be."""
+        return [self.env.goal_state[:5]]
+
+    def go(self, place: np.ndarray) -> None:
+        """Bring the disk to a place (2,) [px], and let it rest there.
+
+        Where the block is in the way, it is pushed in the last step of the path.
+        """
+        outside = self.room.nearest_outside(place, shapely.Polygon(self._outline))
+        for end in (place, outside):
+            with suppress(UnreachableError):
+                if not self._follow(self._targets_to(end)):
+                    return
+                break
+        self._follow(np.tile(place, (WAITS, 1)))
+
+    def _targets_to(self, end: np.ndarray) -> np.ndarray:
+        motion, outline = self.motion, self._outline
+        return plan_motion(self.servo, self.room, motion, end, end, SPEED / PIXEL, outline)
+
+    def _step(self, target: np.ndarray) -> bool:
+        """Move the disk for a step of control; return whether the episode goes on.
+
+        The environment compares angles that may differ by more than a turn, and then states success
+        for any. The episode goes on until the angles agree.
+        """
+        action = np.clip((target - self.motion[0]) / REACH, -1.0, 1.0)
+        _, _, success, _, _ = self.env.step(action.astype(np.float32))
+        self.steps += 1
+        if success and not self.success:
+            self.success = self.steps
+        turn = wrap_angle(self.env.block.angle - self.env.goal_state[4])
+        self.done = bool(success) and abs(turn) < TURN
+        self._look(action)
+        return not self.done and self.steps < self.most
+
+    def _begin(self) -> None:
+        """See the episode's first scene."""
+        self._note()
+
+    def _look(self, action: np.ndarray) -> None:
+        """See what an action (2,) led to."""
+        self._note()
+
+
+class PictureWorld(VariedWorld):
+    """An episode of stable-worldmodel's Push-T, seen by its pictures, and by no state.
+
+    Its outlines, mass and inertia are given, as is where a motion that is asked for leads the disk.
+    """
+
+    @property
+    def motion(self) -> np.ndarray:
+        """The place and the velocity (2, 2) [px, px/s] of the disk, as seen."""
+        return self._motion.copy()
+
+    @property
+    def goals(self) -> list[np.ndarray]:
+        """The places of agent and block that the goal's picture may show.
+
+        A block that looks the same after a turn may have to be turned further.
+        """
+        turns = round(2 * np.pi / self.block.symmetry)
+        goals = []
+        for turn in range(turns):
+            scene = self._goal[1].copy()
+            scene[0, THETA] = wrap_angle(scene[0, THETA] + turn * self.block.symmetry)
+            goals.append(np.append(self._goal[0], self.block.pose_of(scene)))
+        ahead = [abs(wrap_angle(goal[4] - self.block.pose_of(self._scene)[2])) for goal in goals]
+        return [goals[place] for place in np.argsort(ahead)]
+
+    def _begin(self) -> None:
+        bearings = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
+        disk = self.room.disk * np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
+        outline = self.block.shape.outline(self.block.radius) / PIXEL * [1.0, -1.0]
+        first, goal = self.env.render(), self.env._goal
+        self._eyes = Eyes.learned([first, goal], disk, outline)
+        self._model = Contacts(self.block, self.room.disk)
+        agent, block = self._eyes.look(goal)
+        self._goal = agent.pose[:2], self._scene_of(block.pose)
+        agent, block = self._eyes.look(first)
+        self._motion = np.stack([agent.pose[:2], np.zeros(2)])
+        self._scene = self._scene_of(block.pose)
+
+    def _look(self, action: np.ndarray) -> None:
+        before = self._motion
+        expected = self.servo.follow(before, (before[0] + REACH * action)[None])[-1]
+        way = PIXEL * (expected[0] - before[0]) * [1.0, -1.0]
+        moved = self._model.moved(self._scene[0][None], metres(before[0])[None], way[None])
+        agent, block = self._eyes.look(self.env.render(), -moved[0, 2])
+        self._motion = np.stack([agent.pose[:2] if agent.share > 0.0 else expected[0], expected[1]])
+        if block.share > 0.0:
+            self._scene = self._scene_of(block.pose)
+
+    def _scene_of(self, pose: np.ndarray) -> np.ndarray:
+        size = np.array([self.block.radius])
+        return make_scene(metres(pose[:2])[None], np.ones(1), size, -pose[2:])
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Where agent and block are to come to."""
+
+    wanted: np.ndarray  # (5,), the goal
+    agent: np.ndarray  # (2,) [px], near it, and so that nothing overlaps
+    pose: np.ndarray  # (3,) of the block, likewise
+
+    @classmethod
+    def of(cls, wanted: np.ndarray, world: VariedWorld, random: np.random.Generator) -> "Aim":
+        """Return the poses nearest to a goal (5,) in which agent, block and walls do not overlap.
+
+        They are the best of many drawn ones.
+        """
+        apart = random.normal(size=(DRAWN, 4))
+        apart *= NEAR * (random.random(DRAWN) / np.linalg.norm(apart, axis=1))[:, None]
+        apart[:, :2] *= random.random((DRAWN, 1)) < 0.8
+        turns = TURN * random.uniform(-1.0, 1.0, DRAWN)
+        turns[: DRAWN // 4] = 0.0
+        apart[0] = 0.0
+        off = np.maximum(np.linalg.norm(apart, axis=1) / NEAR, np.abs(turns) / TURN)
+        order = np.argsort(off, kind="stable")
+        poses = wanted + np.column_stack([apart, turns])[order]
+        outline = pixels(world.block.shape.placed(world.block.scene_of(wanted[2:])[0]))
+        arms = outline - wanted[2:4]
+        cos, sin = np.cos(poses[:, 4] - wanted[4]), np.sin(poses[:, 4] - wanted[4])
+        turned = np.einsum(
+            "dij,mj->dmi", np.array([[cos, -sin], [sin, cos]]).transpose(2, 0, 1), arms
+        )
+        outlines = turned + poses[:, None, 2:4]
+        gaps = shapely.distance(shapely.polygons(outlines), shapely.points(poses[:, :2]))
+        free = gaps - world.room.disk - GAP
+        walls = np.minimum(outlines - WALLS[0], WALLS[1] - outlines).min(axis=(1, 2))
+        worst = np.minimum(np.minimum(free, walls), 0.0)
+        best = int(np.argmax(worst))  # the first in which nothing overlaps, or all least
+        return cls(wanted, poses[best, :2], np.append(poses[best, 2:4], wrap_angle(poses[best, 4])))
+
+    def off(self, pose: np.ndarray) -> float:
+        """Return how far off the goal all is with the block at a pose (3,), over what may be."""
+        apart = np.linalg.norm(np.append(self.agent, pose[:2]) - self.wanted[:4])
+        return max(float(apart) / NEAR, abs(float(wrap_angle(pose[2] - self.wanted[4]))) / TURN)
+
+
+@dataclass(frozen=True, eq=False)
+class NearGoal(Judgement):
+    """Judges by how far off agent and block would be."""
+
+    off: float = 0.0
+    share: float = 1.0
+
+    @property
+    def missed(self) -> tuple[int, ...]:
+        """The number of the pose, unless it is near enough."""
+        return () if self.off <= self.share else (0,)
+
+
+@dataclass(frozen=True)
+class AimGoal(Goal):
+    """A pose that is reached within a share of what the environment allows."""
+
+    aim: Aim | None = None
+    block: Block | None = None
+    share: float = 1.0
+
+    def judge(
+        self, scene: np.ndarray, start: np.ndarray, bodies: Bodies, table: Table = Table()
+    ) -> NearGoal:
+        """Judge a scene (1, 8)."""
+        plain = super().judge(scene, start, bodies, table)
+        off = self.aim.off(self.block.pose_of(scene))
+        return NearGoal(**vars(plain), off=off, share=self.share)
+
+
+def play_episode(world: VariedWorld, seed: int = 0) -> None:
+    """Let the agent play an episode to its end."""
+    random = np.random.default_rng(seed)
+    model = Contacts(world.block, world.room.disk)
+    feasibility = Feasibility(limits=PushLimits(tool_radius=world.room.disk * PIXEL))
+    aims = [Aim.of(goal, world, random) for goal in world.goals]
+    for tried, share in enumerate(SHARES):
+        wider = replace(PLANNER, horizon=PLANNER.horizon + tried, samples=PLANNER.samples << tried)
+        config = AgentConfig(planner=wider, feasibility=feasibility, seed=seed)
+        for aim in aims:
+            x, y, heading = world.block.scene_of(aim.pose)[0, : THETA + 1].tolist()
+            within = max(share, aim.off(aim.pose) + LEAST)
+            goal = AimGoal(
+                (BodyPose(0, x, y, heading),), (), aim=aim, block=world.block, share=within
+            )
+            agent = planning_agent(model, model, config)
+            play(agent, world, [goal], world.block.bodies, MOST_PUSHES)
+            if not world.done and world.steps < world.most:
+                world.go(aim.agent)
+            if world.done or world.steps >= world.most:
+                return
