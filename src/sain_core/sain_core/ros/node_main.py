@@ -156,8 +156,7 @@ def run_node(make_node: Callable[[], Node], name: str) -> int:
                 if (period := lifetime.heartbeat_period()) > 0.0:
                     steady_timer(node, period, lifetime.alive)
                 spins = True
-                while ok():
-                    executor.spin_once(timeout_sec=TURN)
+                spin(executor)
             except Exception as error:
                 if ok() and not isinstance(error, INTERRUPTS):
                     raise
@@ -185,6 +184,12 @@ def executor_of(make_node: Callable[[], Node]) -> Executor:
     """
     awaits = getattr(make_node, "awaits", True)
     return SingleThreadedExecutor() if awaits else EventsExecutor()
+
+
+def spin(executor: Executor) -> None:
+    """Do what events ask for until rclpy is shut down."""
+    while ok():
+        executor.spin_once(timeout_sec=TURN)
 
 
 def give_memory_back() -> None:
