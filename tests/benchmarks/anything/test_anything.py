@@ -9,11 +9,15 @@ from shapely import Polygon, union_all
 from benchmarks.anything.__main__ import goals, read_results, read_times, rows_of
 from benchmarks.anything.bodies import MOST_TAGS, PAPER, place_tags
 from benchmarks.anything.page import page
+from benchmarks.anything.replanning import HiddenPhysics
 from sain_core.errors import DatasetError
 from sain_core.output import write_json
+from sain_core.push import make_push
 from sain_core.scene import unit
 from sain_core.shapes.body_file import Tag, parse_bodies
 from sain_core.shapes.library import own_bodies
+from sain_eval.scenes.anything import AnythingScenario
+from sain_model.physics.planar import PlanarPrior
 
 BLOCK = [[-0.06, -0.04], [0.06, -0.04], [0.06, 0.04], [-0.06, 0.04]]
 OBJECTS = {"Block": (BLOCK, 0.05), "Bar": ([[2 * x, y / 3] for x, y in BLOCK], 0.03)}
@@ -129,3 +133,15 @@ def test_results_without_commits_are_refused(tmp_path):
         DatasetError, match=r"goals of ur5 tags mug without a commit.*another --out"
     ):
         read_results(write_json(path, found))
+
+
+def test_a_stroke_that_is_corrected_leads_nearer_to_what_was_planned(file):
+    apart = {False: 0.0, True: 0.0}
+    for seed in range(4):
+        case = AnythingScenario.named("anything:block", file).scene(seed)
+        push = make_push(0.9, 0.2, 0.12)
+        planned = PlanarPrior(bodies=case.bodies).step(case.disks[None], push[None])[0]
+        for corrects in apart:
+            after = HiddenPhysics(case, corrects).push(push).after
+            apart[corrects] += float(np.hypot(*(after - planned)[0, :2]))
+    assert apart[True] < 0.7 * apart[False]
