@@ -21,6 +21,7 @@ from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats.stored_rows import joined
 from sain_bags.dataset.rows import BagPart, ConversionConfig, Dropped, RowBlock, read_rows
 from sain_bags.dataset.sources import Source, find_sources, open_source
+from sain_bags.rows.images import IMAGES, Cameras
 from sain_bags.rows.results import stated_outlines
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
@@ -142,6 +143,7 @@ def convert(
         OutputError: the folder holds something else, or cannot be written.
     """
     sources = find_sources(paths, config.namespace or None)
+    cameras = _cameras(sources, config.shown)
     identity = {**asdict(config), "bags": [source.sha256 for source in sources]}
     folder = DatasetFolder(out, identity, overwrite)
     sharding, dropped = Sharding(), list[tuple[Path, Dropped]]()
@@ -158,10 +160,28 @@ def convert(
         write_outlines(out, outlines)
     made_by = {name: version(name) for name in ("numpy", "mcap")}
     about = {**identity, **made_by, "episodes": sharding.episodes}
-    folder.finish(card.content(about, [source.entry for source in sources]), writing)
+    folder.finish(
+        card.content(about, [source.entry for source in sources]),
+        writing,
+        lambda sha256, key, time: cameras[sha256].topics[key].at(time),
+    )
     notes = tuple(note for source in sources for note in source.notes)
     counts, left_out = dict(card.dropped), card.left_out()
     return Converted(card.transitions, sharding.episodes, counts, notes, left_out)
+
+
+def _cameras(sources: Sequence[Source], names: str) -> dict[str, Cameras]:
+    """Return the cameras of recordings by their SHA-256; all have the same, or `DatasetError`."""
+    found = {one.sha256: Cameras(one.bag, one.namespace, names) for one in sources}
+    first = next(iter(found.values())).topics.keys()
+    for source in sources:
+        if (other := found[source.sha256].topics.keys()) != first:
+            held = [", ".join(keys) or "no images" for keys in (first, other)]
+            raise DatasetError(
+                f"{sources[0].bag.path} has {held[0]}, {source.bag.path} has {held[1]}; convert"
+                " them apart, or without images: --conversion.images ''"
+            )
+    return found
 
 
 class BagJob(NamedTuple):
@@ -273,4 +293,5 @@ def _tidy(columns: Columns, rows: slice) -> Columns:
             width = max(int(np.strings.str_len(column).max()), 1)
             column = column.astype(f"<U{width}")
         tidy[name] = np.ascontiguousarray(column)
-    return tidy
+    images = [name for name in columns if name.startswith(IMAGES)]
+    return tidy | {name: np.ascontiguousarray(columns[name][rows]) for name in images}

@@ -15,6 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from sain_bags.dataset.formats import MADE, SHARDS, FormatName, StoredRows, Write, find_format
+from sain_bags.dataset.formats.stored_rows import FindImage, no_image
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.untrusted import PARTIAL
@@ -89,12 +90,15 @@ class DatasetFolder:
         return stored
 
     def finish(
-        self, card: CardContent, progress: Callable[[int, int], None] = lambda rows, of: None
+        self,
+        card: CardContent,
+        progress: Callable[[int, int], None] = lambda rows, of: None,
+        image: FindImage = no_image,
     ) -> None:
         """Write the rows in the format, then the card, which completes the data set.
 
-        `progress` is called with the number of rows written, and of all. After an error nothing
-        is left of a format other than npz; after a stop, the gathered rows.
+        `progress` is called with the number of rows written, and of all; `image` returns one.
+        After an error nothing is left of a format other than npz; after a stop, the gathered rows.
         """
         parts = split_episodes(self._counts)
         card = {**card, "split": describe_split(parts, self._counts)}
@@ -107,7 +111,7 @@ class DatasetFolder:
                 progress(written, self._counts.total())
 
             try:
-                export(self._write, self.path, self._shards, parts, card, advance)
+                export(self._write, self.path, self._shards, parts, card, advance, image)
                 put_in_place(self.path, self._identity["format"])
             except Exception:
                 self._remove_gathered()
@@ -210,6 +214,7 @@ def export(
     parts: dict[str, frozenset[int]],
     card: dict[str, Any],
     advance: Callable[[int], None],
+    image: FindImage = no_image,
 ) -> None:
     """Write gathered rows in another format: one data set for each number of disks.
 
@@ -222,7 +227,7 @@ def export(
             partial.mkdir()
         for disks, paths in shards.items():
             name = folder.name if len(shards) == 1 else f"{DISKS}{disks}"
-            rows = StoredRows(name, disks, tuple(paths), parts, card, advance)
+            rows = StoredRows(name, disks, tuple(paths), parts, card, advance, image)
             write(rows, partial if len(shards) == 1 else partial / name)
         for path in partial.rglob("*"):
             if path.is_file():

@@ -9,11 +9,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy import ndarray
 
-from sain_bags.dataset.formats import FormatName
+from sain_bags.dataset.formats import VIDEOS, FormatName
 from sain_bags.reading.reader import Bag
+from sain_bags.rows.images import NEVER, Cameras
 from sain_bags.rows.latched import Latched
 from sain_bags.rows.results import OK, ResultReader, Results
-from sain_bags.rows.topics import BODIES, GOAL, PUSH_RESULT, STROKE, WORLD, topics_of
+from sain_bags.rows.topics import BODIES, GOAL, PUSH, PUSH_RESULT, STROKE, WORLD, topics_of
 from sain_core.config import Config, option
 from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.untrusted import one_line, shown
@@ -47,6 +48,7 @@ UNSETTLED: Final = "scene before or after not settled"
 SENSELESS: Final = "makes no sense"
 CHANGED: Final = "mass or radius changed by the push"
 UNPREDICTED: Final = "not predicted, and the prior cannot"
+UNSEEN: Final = "no image of each camera within 1 s before it was sent"
 NOT_MOVED: Final = "target moved by less than 2 mm"
 
 Why = Callable[[Results, int], str]  # what is wrong with one push
@@ -69,9 +71,19 @@ class ConversionConfig(Config):
     keep_unsettled: bool = option(
         False, "keep also pushes before or after which something still moved"
     )
+    images: str = option(
+        "image_raw",
+        "colour images that become videos (LeRobot only): topics that end so, with commas between,"
+        " or so and /compressed; none: empty",
+    )
     namespace: str = option(
         "", "namespace of the graph, such as /sain; needed where a recording holds several"
     )
+
+    @property
+    def shown(self) -> str:
+        """Topics of the images that the format has, as in `images`."""
+        return self.images if self.format == VIDEOS else ""
 
 
 class Dropped(NamedTuple):
@@ -110,8 +122,10 @@ def read_rows(
         prior: called for the model when a push without a prediction comes.
     """
     reader, latched = ResultReader(bag, namespace), Latched(bag, namespace)
-    maker, held = _RowMaker(config, latched, prior), list[Results]()
-    for batch in bag.batches(topics_of(bag, namespace, *READ), types=READ):
+    cameras = Cameras(bag, namespace, config.shown)
+    maker, held = _RowMaker(config, latched, prior, cameras), list[Results]()
+    types = (*READ, PUSH) if cameras.topics else READ
+    for batch in bag.batches(topics_of(bag, namespace, *types), types=types):
         latched.read(batch)
         if (results := reader.results(batch)) is None:
             continue
@@ -129,9 +143,14 @@ class _RowMaker:
     """Makes rows of the pushes of one recording, or returns why a push is no row."""
 
     def __init__(
-        self, config: ConversionConfig, latched: Latched, prior: Callable[[], Model]
+        self,
+        config: ConversionConfig,
+        latched: Latched,
+        prior: Callable[[], Model],
+        cameras: Cameras,
     ) -> None:
         self._config, self._latched, self._prior = config, latched, prior
+        self._cameras = cameras
         self._used = np.empty(0, dtype=np.uint64)  # ids of executed pushes
 
     def rows(self, results: Results) -> BagPart:
@@ -190,17 +209,22 @@ class _RowMaker:
         pushes.keep_of(chosen, sound, SENSELESS, lambda _, push: faults[push])
         if self._config.moved_only:
             pushes.keep_of(chosen, _moved(before, after), NOT_MOVED)
+        images = self._cameras.columns(results.column("push_id")[chosen])
+        for times in images.values():
+            pushes.keep_of(chosen, times != NEVER, UNSEEN)
         if not (kept := pushes.kept[chosen]).all():
             chosen, before, after, physics, episodes, goals = (
                 array[kept] for array in (chosen, before, after, physics, episodes, goals)
             )
+            images = {key: times[kept] for key, times in images.items()}
         if not len(chosen):
             return RowBlock(chosen, {})
         return RowBlock(
             chosen,
             _scene_columns(before, after, physics)
             | self._push_columns(results, chosen)
-            | self._latched.columns(episodes, goals, count),
+            | self._latched.columns(episodes, goals, count)
+            | images,
         )
 
     def _goals(

@@ -113,6 +113,13 @@ class McapFile:
             if any(channel in channels for channel in chunk.message_index_offsets)
         )
 
+    def log_times(self, chunk: ChunkIndex, channel: int) -> ndarray:
+        """Return when the messages of a channel in a chunk were received (M,); none is unpacked."""
+        with opened(self.path) as stream:
+            stream.seek(chunk.chunk_start_offset + chunk.chunk_length)
+            entries, _ = _entries(stream.read(chunk.message_index_length), chunk, {channel})
+            return entries["log_time"].copy()
+
     def compare(self, found: Mapping[int, int]) -> None:
         """Compare how many messages were found, by channel, with the statistics."""
         expected = self.statistics.channel_message_counts
@@ -181,18 +188,9 @@ def _indexed(
     data: ndarray, content: bytes, chunk: ChunkIndex, channels: Collection[int], rank: int
 ) -> Batch:
     """Pick the messages that the indexes name, when each is what its index says it is."""
-    entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
-    indexes = chunk.message_index_offsets
-    for channel in indexes.keys() & channels:
-        start = indexes[channel] - chunk.chunk_start_offset
-        opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
-        if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
-            raise McapError("the index of a chunk is damaged")
-        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start + INDEX_HEAD.size))
-        owners.append(np.full(size // 16, channel, dtype=np.uint16))
-    named = np.concatenate(entries)
+    named, owner = _entries(content[chunk.chunk_length :], chunk, channels)
     order = np.argsort(named["place"], kind="stable")
-    named, owner = named[order], np.concatenate(owners)[order]
+    named, owner = named[order], owner[order]
     places = named["place"].astype(np.int64)
     heads = _heads(data, places)
     right = np.array_equal(heads["log_time"], named["log_time"])
@@ -209,6 +207,22 @@ def _indexed(
         heads["sequence"].copy(),
         np.full(len(heads), rank),
     )
+
+
+def _entries(
+    content: bytes, chunk: ChunkIndex, channels: Collection[int]
+) -> tuple[ndarray, ndarray]:
+    """Return the entries (M,) of channels in the indexes behind a chunk, and their channels."""
+    entries, owners = [np.empty(0, INDEX_ENTRY)], [np.empty(0, np.uint16)]
+    indexes = chunk.message_index_offsets
+    for channel in indexes.keys() & channels:
+        start = indexes[channel] - chunk.chunk_start_offset - chunk.chunk_length
+        opcode, length, owner, size = INDEX_HEAD.unpack_from(content, start)
+        if (opcode, length, owner) != (Opcode.MESSAGE_INDEX, size + 6, channel) or size % 16:
+            raise McapError("the index of a chunk is damaged")
+        entries.append(np.frombuffer(content, INDEX_ENTRY, size // 16, start + INDEX_HEAD.size))
+        owners.append(np.full(size // 16, channel, dtype=np.uint16))
+    return np.concatenate(entries), np.concatenate(owners)
 
 
 def _heads(data: ndarray, places: ndarray) -> ndarray:

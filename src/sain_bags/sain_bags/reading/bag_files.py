@@ -6,7 +6,7 @@ back until that is read, so that nothing but the overlap has to be kept.
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 from mcap.records import Channel, ChunkIndex, Schema
@@ -67,6 +67,15 @@ class BagChannel:
         return types
 
 
+class Place(NamedTuple):
+    """Where a message is."""
+
+    log_time: int  # [ns since the epoch], received
+    file: int  # which of the bag's
+    channel: int  # in the file
+    chunk: ChunkIndex
+
+
 class BagFiles:
     """Files that are read as one."""
 
@@ -102,6 +111,25 @@ class BagFiles:
         if start is None:
             for file, numbers, found in zip(self._files, wanted, counts, strict=True):
                 file.compare({number: int(found[number]) for number in numbers})
+
+    def places(self, topic: str) -> list[Place]:
+        """Return the messages of a topic in the order of their receipt; none is unpacked."""
+        found: list[Place] = []
+        for number, file in enumerate(self._files):
+            for channel in self._wanted(number, (topic,), None):
+                chunks = [(file.log_times(one, channel), one) for one in file.chunks((channel,))]
+                file.compare({channel: sum(len(times) for times, _ in chunks)})
+                found += [
+                    Place(time, number, channel, chunk)
+                    for times, chunk in chunks
+                    for time in times.tolist()
+                ]
+        return sorted(found, key=lambda place: place.log_time)
+
+    def message_at(self, place: Place) -> bytes:
+        """Return a message, with its encapsulation header."""
+        batch = self._files[place.file].read(place.chunk, (place.channel,), 0)
+        return batch.message(int(np.flatnonzero(batch.log_times == place.log_time)[0]))
 
     def _chunks(
         self, wanted: list[dict[int, int]], start: int | None, counts: list[ndarray]

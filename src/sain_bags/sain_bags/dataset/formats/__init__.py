@@ -18,13 +18,15 @@ FormatName = Literal["npz", "parquet", "lerobot"]
 Write = Callable[[StoredRows, Path], None]  # rows into a folder that does not exist yet
 
 SHARDS: Final = "npz"  # the format that rows are gathered in
-CHUNK: Final = "chunk-[0-9][0-9][0-9]/file-[0-9][0-9][0-9].parquet"
+VIDEOS: Final = "lerobot"  # the format that has images
+FILE: Final = "chunk-[0-9][0-9][0-9]/file-[0-9][0-9][0-9]"
 MADE: Final[dict[FormatName, tuple[str, ...]]] = {  # patterns of all files of a data set
     SHARDS: (SHARD_PATTERN,),
     "parquet": tuple(f"{part}-{5 * '[0-9]'}.parquet" for part in PARTS),
     "lerobot": (
-        f"data/{CHUNK}",
-        f"meta/episodes/{CHUNK}",
+        f"data/{FILE}.parquet",
+        f"meta/episodes/{FILE}.parquet",
+        f"videos/observation.images.*/{FILE}.mp4",
         *(f"meta/{name}" for name in ("info.json", "stats.json", "tasks.parquet")),
     ),
 }

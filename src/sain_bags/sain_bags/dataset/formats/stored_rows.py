@@ -13,6 +13,13 @@ from sain_core.goal import BodyPose, Goal, Judgement
 from sain_core.storage import read_arrays
 from sain_core.transitions import MOVED, Column, Columns, as_scenes, centres, row_bodies
 
+FindImage = Callable[[str, str, int], ndarray]  # by SHA-256 of the recording, column and time
+
+
+def no_image(sha256: str, key: str, time: int) -> ndarray:
+    """Raise `LookupError`: there are no images."""
+    raise LookupError(f"there is no image {key} of {time} in {sha256}")
+
 
 @dataclass(frozen=True)
 class StoredRows:
@@ -24,6 +31,7 @@ class StoredRows:
     parts: dict[str, frozenset[int]]  # of the split: the episodes of each
     card: dict[str, Any]  # of the data set
     advance: Callable[[int], None] = field(default=lambda rows: None)  # called with rows read
+    image: FindImage = no_image
 
     def chunks(self, part: str) -> Iterator[Columns]:
         """Stream the rows of a part of the split, at most a shard's at a time."""

@@ -18,6 +18,8 @@ import numpy as np
 from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
+from sain_bags.dataset.formats.videos import Videos
+from sain_bags.rows.images import IMAGES
 from sain_core.goal import observed_poses
 from sain_core.policy import GOAL, STATE, names_of_numbers, task_of
 from sain_core.pretrained import LeRobotDataset, SuppressProgressBars, write_info, write_stats
@@ -40,6 +42,7 @@ TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
 def write(rows: StoredRows, folder: Path) -> None:
     """Write a data set; the parts of its split follow one another, as ``info.json`` says."""
     dataset: Any = None
+    videos: Any = None
     splits, count = {}, 0
     lacking: dict[str, list[ndarray]] = {}
     with ExitStack() as stack:
@@ -48,16 +51,23 @@ def write(rows: StoredRows, folder: Path) -> None:
         for part in PARTS:
             first = count
             for columns in rows.sequences(part):
-                frames = _frames(columns)
+                images = {key: columns.pop(key) for key in [*columns] if key.startswith(IMAGES)}
+                frames, recordings = _frames(columns), columns[Column.BAG_SHA256].tolist()
                 if dataset is None:
-                    dataset = _create(folder, frames, rows)
+                    shown = {key: rows.image(recordings[0], key, images[key][0]) for key in images}
+                    dataset = _create(folder, frames | shown, rows)
                     stack.callback(dataset.finalize)  # else it writes when it is freed, or never
+                    videos = Videos(dataset, _finite_stats) if images else None
+                for key, times in images.items():
+                    seen = zip(recordings, times.tolist(), strict=True)
+                    videos.add(key, (rows.image(sha256, key, time) for sha256, time in seen))
                 _save(dataset, frames, task_of(rows.disks))
                 for key in frames.keys() & MAY_LACK:
                     lacking.setdefault(key, []).append(frames[key])
                 count += 1
             splits[part] = f"{first}:{count}"
     dataset.meta.info["splits"] = splits
+    dataset.meta.update_video_info()
     write_info(dataset.meta.info, folder)
     stats = dict(sorted(dataset.meta.stats.items()))  # else in the order of hashes
     for key, values in lacking.items():
@@ -88,6 +98,8 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
             "shape": values.shape[1:] or (1,),
             "names": named.get(key),
         }
+        if not key.startswith(IMAGES)
+        else {"dtype": "video", "shape": values.shape, "names": ["height", "width", "channels"]}
         for key, values in frames.items()
     }
     return LeRobotDataset.create(
@@ -95,7 +107,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
         fps=FRAMES_A_SECOND,
         features=features,
         root=folder,
-        use_videos=False,
+        use_videos=any(key.startswith(IMAGES) for key in frames),
         video_backend="pyav",  # or it looks for another, and says what it did not find
     )
 
