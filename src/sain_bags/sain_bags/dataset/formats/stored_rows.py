@@ -33,6 +33,10 @@ class StoredRows:
     advance: Callable[[int], None] = field(default=lambda rows: None)  # called with rows read
     image: FindImage = no_image
 
+    def state(self, key: str) -> bool:
+        """Return whether any row has a finite number in a column."""
+        return any(np.isfinite(read_arrays(path)[key]).any() for path in self.shards)
+
     def chunks(self, part: str) -> Iterator[Columns]:
         """Stream the rows of a part of the split, at most a shard's at a time."""
         episodes = np.array(sorted(self.parts[part]), dtype=np.int64)

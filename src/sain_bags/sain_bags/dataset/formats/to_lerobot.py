@@ -2,13 +2,15 @@
 
 An unbroken sequence of pushes (see `StoredRows.sequences`) is an episode. Its frames hold the state
 before the push (``observation.state``), the goal as a policy observes it, always finite
-(``observation.environment_state``), the push (``action``), what became of it (``next.*``), and the
-other columns of the npz shards under their own names. ``timestamp`` counts frames; real times are
-in the stamps [ns]. LeRobot's loader has no unsigned numbers: ids are stored as signed ones.
+(``observation.environment_state``), images (``observation.images.*``), the push (``action``), what
+became of it (``next.*``), and the other columns of the npz shards under their own names. Where
+these have NaN, columns of the goal have 0, and one that no recording states is left out.
+``timestamp`` counts frames; real times are in the stamps [ns]. LeRobot's loader has no unsigned
+numbers: ids are stored as signed ones.
 """
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -30,9 +32,10 @@ FRAMES_A_SECOND: Final = 1
 NEXT_STATE: Final = "next.state"
 RENAMED: Final[dict[str, str]] = {Column.STATE: STATE, Column.NEXT_STATE: NEXT_STATE}
 REWARD: Final = "next.reward"
-MAY_LACK: Final = frozenset(  # these have NaN where a recording does not state them
-    map(str, (REWARD, Column.DURATION, *FRICTIONS, *POSED))
-)
+MAY_LACK: Final = {  # NaN where one recording of several lacks what a column is made of
+    **{str(key): str(key) for key in FRICTIONS},
+    REWARD: str(Column.GOAL_POSES),
+}
 TAKEN: Final[dict[str, Callable[[ndarray], Any]]] = {
     "min": np.min, "max": np.max, "mean": np.mean, "std": np.std,
     **{f"q{share:02}": partial(np.percentile, q=share) for share in (1, 10, 50, 90, 99)},
@@ -45,6 +48,7 @@ def write(rows: StoredRows, folder: Path) -> None:
     videos: Any = None
     splits, count = {}, 0
     lacking: dict[str, list[ndarray]] = {}
+    unstated = [key for key, source in MAY_LACK.items() if not rows.state(source)]
     with ExitStack() as stack:
         stack.enter_context(SuppressProgressBars())
         stack.enter_context(warnings.catch_warnings(action="ignore", category=RuntimeWarning))
@@ -52,7 +56,7 @@ def write(rows: StoredRows, folder: Path) -> None:
             first = count
             for columns in rows.sequences(part):
                 images = {key: columns.pop(key) for key in [*columns] if key.startswith(IMAGES)}
-                frames, recordings = _frames(columns), columns[Column.BAG_SHA256].tolist()
+                frames, recordings = _frames(columns, unstated), columns[Column.BAG_SHA256].tolist()
                 if dataset is None:
                     shown = {key: rows.image(recordings[0], key, images[key][0]) for key in images}
                     dataset = _create(folder, frames | shown, rows)
@@ -62,7 +66,7 @@ def write(rows: StoredRows, folder: Path) -> None:
                     seen = zip(recordings, times.tolist(), strict=True)
                     videos.add(key, (rows.image(sha256, key, time) for sha256, time in seen))
                 _save(dataset, frames, task_of(rows.disks))
-                for key in frames.keys() & MAY_LACK:
+                for key in frames.keys() & MAY_LACK.keys():
                     lacking.setdefault(key, []).append(frames[key])
                 count += 1
             splits[part] = f"{first}:{count}"
@@ -78,7 +82,7 @@ def write(rows: StoredRows, folder: Path) -> None:
 def _finite_stats(values: ndarray) -> dict[str, ndarray]:
     """Return the statistics of the finite numbers in each column.
 
-    `lerobot` takes those of all numbers: a goal that is missing in one episode makes all of them
+    `lerobot` takes those of all numbers: a friction that one recording lacks makes all of them
     NaN, which is no JSON. A column without any finite number has 0; the count says whether all do.
     """
     columns = values.reshape(len(values), -1).T.astype(np.float64)
@@ -112,8 +116,8 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
     )
 
 
-def _frames(columns: Columns) -> Columns:
-    """Return the columns of a frame, by LeRobot's keys."""
+def _frames(columns: Columns, unstated: Iterable[str]) -> Columns:
+    """Return the columns of a frame, by LeRobot's keys, without those that nothing states."""
     frames = {RENAMED.get(key, key): _storable(values) for key, values in columns.items()}
     count = len(columns[Column.EPISODE])
     observed = observed_poses(columns[Column.GOAL_POSES].reshape(count, -1, 3))
@@ -121,7 +125,8 @@ def _frames(columns: Columns) -> Columns:
     frames[REWARD] = -goal_distance(columns)
     frames["next.success"] = reached(columns)
     frames["next.done"] = np.arange(count) == count - 1
-    return frames
+    frames |= {key: np.nan_to_num(frames[key]) for key in map(str, POSED)}
+    return {key: values for key, values in frames.items() if key not in unstated}
 
 
 def _storable(values: ndarray) -> ndarray:
