@@ -4,6 +4,7 @@ The messages have the sizes of a recording of `make demo`. The states of pushes 
 they compress no better than real ones; of what else a graph says a few numbers change each time.
 """
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ BESIDE = {  # what else a graph says for each scene, with its size [bytes] in CD
 CHANGING = 128  # [bytes] of each of these that are not as before
 PUSHES_AN_EPISODE = 8
 PERIOD = 10_000_000  # [ns] between scenes
+FRAME = 33_000_000  # [ns] between images
+IMAGE = "sensor_msgs/msg/Image"
 
 
 class MadeBag:
@@ -30,6 +33,7 @@ class MadeBag:
         self.writer, self._random = BagWriter(folder, config), generator(seed, 0)
         self._messages = MessageMaker()
         self._now, self._scene_id = 1_700_000_000_000_000_000, 0
+        self._bodies = self._disks()  # as the last push left them
 
     def pushes(self, count: int, first: int = 1) -> None:
         """Write pushes, each planned from the scene that the one before led to."""
@@ -39,6 +43,7 @@ class MadeBag:
                 self._scene_id += 1
                 poses = [self._make("GoalPose", body=1, x=0.8, y=0.1, tolerance=0.02)]
                 self._send("goal", "Goal", goal_id=episode, episode_id=episode, poses=poses)
+                self._bodies = self._disks()
             self._push(number, episode)
 
     def scenes(self, count: int) -> None:
@@ -51,10 +56,20 @@ class MadeBag:
                 fresh = self._random.bytes(min(size, CHANGING))
                 self._write(topic, kind, bytes(size - len(fresh)) + fresh, 0)
 
+    def images(self, pictures: Iterable[np.ndarray]) -> None:
+        """Write what a camera sees (H, W, 3), 30 times a second."""
+        for pixels in pictures:
+            height, width, _ = pixels.shape
+            about = {"height": height, "width": width, "encoding": "rgb8", "step": 3 * width}
+            image = self._messages.make(IMAGE, **about, data=pixels.ravel())
+            data = self._messages.data(image)
+            self._write("/sain/camera/color/image_raw", IMAGE, data, FRAME)
+
     def _push(self, number: int, episode: int) -> None:
         ids: dict[str, Any] = {"push_id": number, "episode_id": episode}
         angles = self._random.uniform(-0.7, 0.7, 2)
         before = self._scene(episode)
+        self._bodies = self._disks()
         push = self._make(
             "Push", **ids, scene_id=self._scene_id, location=angles[0], angle=angles[1],
             length=0.1, source="mppi",
@@ -74,7 +89,7 @@ class MadeBag:
         header = self._messages.make("std_msgs/msg/Header", frame_id="world")
         return self._make(
             "Scene", header=header, episode_id=episode, scene_id=self._scene_id, settled=settled,
-            disks=self._disks(),
+            disks=self._bodies,
         )  # fmt: skip
 
     def _disks(self) -> list[Any]:
