@@ -8,6 +8,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from sain_bags.writing.messages import MessageMaker
 from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.randomness import generator
