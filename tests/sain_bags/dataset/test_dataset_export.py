@@ -127,7 +127,8 @@ def test_a_library_that_is_missing_is_named_before_anything_is_read(
     for module in [module for module in sys.modules if module.partition(".")[0] == library]:
         monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.setitem(sys.modules, library, None)
-    monkeypatch.delitem(sys.modules, f"sain_bags.dataset.formats.to_{name}", raising=False)
+    for module in (f"sain_bags.dataset.formats.to_{name}", "sain_core.pretrained"):
+        monkeypatch.delitem(sys.modules, module, raising=False)
     with pytest.raises(
         ConfigError, match=rf"--format {name} needs {library}.*pip install '.\[{name}\]'"
     ):

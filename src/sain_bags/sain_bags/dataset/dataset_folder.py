@@ -19,7 +19,16 @@ from sain_bags.dataset.formats.stored_rows import FindImage, no_image
 from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
 from sain_core.guarding.untrusted import PARTIAL
-from sain_core.output import MANIFEST, claim_file, claim_folder, is_ours, remove, sign, write_json
+from sain_core.output import (
+    LEFT_OVER,
+    MANIFEST,
+    claim_file,
+    claim_folder,
+    is_ours,
+    remove,
+    sign,
+    write_json,
+)
 from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.storage import read_arrays, write_arrays
 from sain_core.transitions import (
@@ -156,7 +165,8 @@ def _read_identity(folder: Path) -> CardContent | None:
     """Return the identity of the conversion in a folder; None: the folder is new or empty."""
     path = folder / IDENTITY_FILE
     try:
-        if not folder.exists() or {one.name for one in folder.iterdir()} <= {MANIFEST}:
+        entries = {one.name for one in folder.iterdir()} if folder.exists() else set()
+        if not {one for one in entries if not LEFT_OVER.fullmatch(one)} - {MANIFEST}:
             return None
         content = read_json(path)
     except NotADirectoryError as error:

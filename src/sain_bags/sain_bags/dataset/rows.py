@@ -27,13 +27,7 @@ from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kin
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import FRAMES, MIN_DISKS
 
-READ: Final = (
-    PUSH_RESULT,
-    STROKE,
-    GOAL,
-    BODIES,
-    WORLD,
-)  # types that rows are made of
+READ: Final = (PUSH_RESULT, STROKE, GOAL, BODIES, WORLD)  # types that rows are made of
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction
 FROM_RESULT: Final = "push_result"  # where the scenes of a row are from
 LONGEST: Final = 3600.0  # [s], of a push
@@ -127,6 +121,7 @@ def read_rows(
     types = (*READ, PUSH) if cameras.topics else READ
     for batch in bag.batches(topics_of(bag, namespace, *types), types=types):
         latched.read(batch)
+        cameras.read(batch)
         if (results := reader.results(batch)) is None:
             continue
         episodes = results.column("episode_id")

@@ -222,6 +222,7 @@ class BagWriter:
     def _split(self, received: int) -> None:
         """Begin another file, which repeats what latched topics hold; end this one meanwhile."""
         file = self._begin_file()
+        self._file.end_chunks()  # else a flush would not hand them on, nor wait for the finisher
         self._finish(self._file)
         self.files.append(file)
         self._file, self._file_start, self._flush_at = file, 0, None
