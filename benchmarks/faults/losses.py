@@ -296,7 +296,7 @@ def blocks(random: np.random.Generator) -> np.ndarray:
 
 def check_values(bag: Path, npz: Path, lerobot: Path) -> tuple[int, float]:
     """Compare data sets with the bag; return how many pushes differ, and the video's error."""
-    rows = {}
+    rows = dict[int, list[float]]()
     for path in sorted(npz.glob("*.npz")):
         with np.load(path) as shard:
             rows |= dict(zip(shard["push_id"].tolist(), shard["state"].tolist(), strict=True))
@@ -326,12 +326,12 @@ def doctor(folder: Path) -> int | None:
     program = shutil.which("lerobot-doctor")
     if program is None:
         return None
-    said = subprocess.run(
-        [program, "check", folder], check=False, capture_output=True, text=True
-    ).stdout
-    if "Summary:" not in said:
-        raise SystemExit(f"lerobot-doctor said nothing of {folder}")
-    return len(re.findall(r"\[FAIL\]", said))
+    ended = subprocess.run([program, "check", folder], check=False, capture_output=True, text=True)
+    if "Summary:" not in ended.stdout:
+        raise SystemExit(f"lerobot-doctor said nothing of {folder}: {ended.stderr}")
+    faults = re.findall(r"^\[FAIL\].*(?:\n  .*)*", ended.stdout, re.MULTILINE)
+    print(*faults, sep="\n", flush=True)
+    return len(faults)
 
 
 class Harness:
