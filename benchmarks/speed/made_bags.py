@@ -41,7 +41,7 @@ class MadeBag:
         """Write pushes, each planned from the scene that the one before led to."""
         for number in range(first, first + count):
             episode = 1 + number // PUSHES_AN_EPISODE
-            if number == first or number % PUSHES_AN_EPISODE == 0:
+            if not self._scene_id or number % PUSHES_AN_EPISODE == 0:
                 self._scene_id += 1
                 poses = [self._make("GoalPose", body=1, x=0.8, y=0.1, tolerance=0.02)]
                 self._send("goal", "Goal", goal_id=episode, episode_id=episode, poses=poses)

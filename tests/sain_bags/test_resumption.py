@@ -8,7 +8,8 @@ from sain_bags.bag.metadata import Topic, TopicQos
 from sain_bags.bag.parts import check_parts
 from sain_bags.reading.reader import Bag
 from sain_bags.recovery import make_whole, recover
-from sain_bags.writing.writer import BagWriter
+from sain_bags.writing.split_file import SplitFile
+from sain_bags.writing.writer import BagConfig, BagWriter
 from sain_core.errors import DatasetError, OutputError
 
 TEXT = Topic("/text", "std_msgs/msg/String", "string data\n", "", (TopicQos(),))
@@ -74,3 +75,18 @@ def test_all_that_was_flushed_is_in_one_bag_whenever_it_was_killed(
         Bag(bag).check()
         assert times(bag) == list(range(1, 41))
         assert Bag(bag).custom_data["part"] == "3"
+
+
+def test_a_flush_hands_on_what_is_in_the_file_before_a_split(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The process is killed before that file is ended, which another thread does."""
+    monkeypatch.setattr(SplitFile, "close", lambda *_: None)
+    writer = BagWriter(tmp_path / "bag", BagConfig(split_size=200))
+    writer.add_topic(TEXT)
+    for number in range(50):
+        writer.write("/text", CDR, 1 + number)
+    writer.flush()
+    assert len(writer.files) > 1
+    recover(tmp_path / "bag", tmp_path / "saved")
+    assert times(tmp_path / "saved") == list(range(1, 51))

@@ -9,6 +9,7 @@ import pytest
 
 from sain_bags.dataset import conversion
 from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.dataset_folder import CARD_FILE, IDENTITY_FILE
 from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError, OutputError
 from sain_core.output import MANIFEST
@@ -116,3 +117,13 @@ def test_another_recording_is_named_without_its_hash(
     other.writer.close()
     with pytest.raises(OutputError, match=r"holds another conversion \(of other recordings\); "):
         convert([other.writer.folder], tmp_path / "out")
+
+
+def test_a_conversion_that_was_killed_at_its_first_file_goes_on(bag: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / f".{IDENTITY_FILE}.123.partial").write_text("{")
+    (out / ".sain-files").touch()
+    convert([bag], out)
+    assert (out / CARD_FILE).is_file()
+    assert not [*out.glob("*.partial")]

@@ -51,7 +51,7 @@ def warnings_about(bag: Bag) -> Iterator[str]:
 
 def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> FittingTable:
     """Return the bag's topics as a table, with the timings that are known."""
-    names = "Topic", "Type", "Messages", "Rate", "Longest gap", "Missing"
+    names = "Topic", "Type", "Messages", "Rate", "Longest gap", "Missing", "Latest"
     table = FittingTable(names, left=("Topic", "Type"))
     recorded = read_gaps(bag.custom_data) or {}
     for topic in bag.topics:
@@ -65,6 +65,7 @@ def topic_table(bag: Bag, timings: Mapping[tuple[str, str], TopicTiming]) -> Fit
             f"{rate:.1f} Hz" if rate else "-",
             f"{timing.longest_gap:.2f} s" if timing.longest_gap else "-",
             _missing(timing.missing if timing.messages else None, recorded.get(topic.name)),
+            f"{1e3 * timing.latest:.1f} ms" if timing.latest else "-",
         )
     return table
 

@@ -144,6 +144,7 @@ def _timing(timing: TopicTiming, start: int) -> dict[str, Any]:
         "gap": timing.longest_gap,
         "gapStart": 1e-9 * (timing.gap_start - start) if timing.longest_gap else 0.0,
         "missing": timing.missing,
+        "latest": timing.latest,
         "places": [[1e-9 * (time - start), count] for time, count in timing.places],
     }
 

@@ -1,10 +1,10 @@
-// The topics of the recording, when their messages came, and how many are missing.
+// The topics of the recording, when their messages came and how late, and how many are missing.
 
 import { draw, find, make } from "./elements.js";
 import { UNKNOWN, fixed, length } from "./figures.js";
 
 function showTopics(data) {
-  const heads = ["Topic", "Messages", "Rate", "Over time", "Longest gap", "Missing"];
+  const heads = ["Topic", "Messages", "Rate", "Over time", "Longest gap", "Missing", "Latest"];
   const head = make("tr", {}, ...heads.map((name) => make("th", { scope: "col", class: name === "Over time" ? "left" : null }, name)));
   find("topics").replaceChildren(make("thead", {}, head), make("tbody", {}, ...data.topics.map((topic) => topicRow(topic, data))));
   const lossy = data.topics.filter((topic) => topic.places.length);
@@ -21,7 +21,8 @@ function topicRow(topic, data) {
     make("td", { "data-head": "Rate" }, topic.rate ? fixed(topic.rate, topic.rate < 1 ? 2 : topic.rate < 10 ? 1 : 0, "Hz") : UNKNOWN),
     make("td", { class: "lane" }, lane(topic, data)),
     make("td", { "data-head": "Gap" }, topic.gap ? length(topic.gap) : UNKNOWN, start),
-    make("td", { "data-head": "Missing", class: missing }, topic.missing === null ? UNKNOWN : topic.missing.toLocaleString("en")));
+    make("td", { "data-head": "Missing", class: missing }, topic.missing === null ? UNKNOWN : topic.missing.toLocaleString("en")),
+    make("td", { "data-head": "Latest" }, topic.latest ? fixed(1e3 * topic.latest, 1, "ms") : UNKNOWN));
 }
 
 function lane(topic, data) {
