@@ -179,7 +179,7 @@ def _cameras(sources: Sequence[Source], names: str) -> dict[str, Cameras]:
             held = [", ".join(keys) or "no images" for keys in (first, other)]
             raise DatasetError(
                 f"{sources[0].bag.path} has {held[0]}, {source.bag.path} has {held[1]}; convert"
-                " them apart, or without images: --conversion.images ''"
+                " them apart, or without images: --images ''"
             )
     return found
 

@@ -11,8 +11,11 @@ import PIL.Image
 import pytest
 
 from sain_bags.dataset.conversion import convert
+from sain_bags.dataset.dataset_folder import CARD_FILE, IDENTITY_FILE
 from sain_bags.dataset.rows import UNSEEN, ConversionConfig
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, OutputError
+from sain_core.output import MANIFEST
+from sain_model.data.dataset import load_dataset
 from tests.sain_bags.conftest import SECOND
 from tests.sain_bags.dataset.formats.exported import card_of, to
 from tests.sain_bags.driven import Drive
@@ -146,3 +149,25 @@ def test_images_that_no_video_can_have_are_named(record: Any, tmp_path: Path) ->
     with pytest.raises(DatasetError, match=f"small has {KEY}, .*blind has no images"):
         to("lerobot", [small, blind], tmp_path / "out")
     assert to("npz", [small, blind], tmp_path / "npz")
+
+
+def test_a_video_that_is_missing_is_made_again_and_no_other_file_is_touched(
+    record: Any, tmp_path: Path
+) -> None:
+    bag, out = filmed(record), tmp_path / "out"
+    (video,) = to("lerobot", bag, out).glob(f"videos/{KEY}/*/*.mp4")
+    whole = video.read_bytes()
+    video.unlink()
+    to("lerobot", bag, out)
+    assert video.read_bytes() == whole
+    video.write_bytes(whole[:100])
+    with pytest.raises(OutputError, match=r"file-000.mp4 was changed since SAIN wrote it"):
+        to("lerobot", bag, out)
+    for name in (CARD_FILE, IDENTITY_FILE, MANIFEST):
+        (out / name).unlink()
+    before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
+    with pytest.raises(OutputError, match="no conversion.json says that a conversion made them"):
+        to("lerobot", bag, out)
+    assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
+    with pytest.raises(DatasetError, match="it is in LeRobot's format"):
+        load_dataset(out)

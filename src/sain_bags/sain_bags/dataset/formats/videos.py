@@ -71,7 +71,7 @@ class _Video:
         if min(self._height, self._width) < LEAST_SIDE or self._height % 2 or self._width % 2:
             raise DatasetError(
                 f"{key} has images of {self._width} x {self._height} px; AV1 takes even sides of"
-                f" {LEAST_SIDE} px and more: scale them, or convert without: --conversion.images ''"
+                f" {LEAST_SIDE} px and more: scale them, or convert without: --images ''"
             )
 
     @property
