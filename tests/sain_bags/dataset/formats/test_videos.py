@@ -166,7 +166,7 @@ def test_a_video_that_is_missing_is_made_again_and_no_other_file_is_touched(
     for name in (CARD_FILE, IDENTITY_FILE, MANIFEST):
         (out / name).unlink()
     before = {path: path.read_bytes() for path in out.rglob("*") if path.is_file()}
-    with pytest.raises(OutputError, match="no conversion.json says that a conversion made them"):
+    with pytest.raises(OutputError, match=r"no conversion\.json says that a conversion made them"):
         to("lerobot", bag, out)
     assert {path: path.read_bytes() for path in out.rglob("*") if path.is_file()} == before
     with pytest.raises(DatasetError, match="it is in LeRobot's format"):
