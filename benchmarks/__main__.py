@@ -12,7 +12,7 @@ from pathlib import Path
 
 import benchmarks
 
-READERS = "tyro.cli", "read_options", "ArgumentParser"
+READERS = "tyro.cli", "read_options", "ArgumentParser", "commands.verify"
 
 
 def modules() -> Iterator[tuple[str, str]]:

@@ -29,6 +29,7 @@ NEEDED: Final[dict[str, tuple[str, ...]]] = {  # positional arguments of each co
     "sain_bringup closed_loop": (),
     "sain_eval evaluate": (),
     "sain_eval results": ("nowhere",),
+    "sain_eval verify": (),
     "sain_lab lab": ("replay", "nowhere"),
     "sain_model evaluate": ("nowhere",),
     "sain_model identify": ("nowhere",),

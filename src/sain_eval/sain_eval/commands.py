@@ -6,3 +6,4 @@ from sain_core.cli.command_line import Command
 
 evaluate: Final = Command("sain_eval evaluate", "cli.evaluate", resumes="episode", prefixes=True)
 results: Final = Command("sain_eval results", "cli.results")
+verify: Final = Command("sain_eval verify", "cli.verify", resumes="episode")

@@ -29,7 +29,7 @@ MILLIMETRES: Final = 1e3
 
 @dataclass(frozen=True)
 class RealImportOptions(Config):
-    """Make a data set of a real robot's pushes: .csv with a header, or .npz and .mat as published.
+    """Make a data set of a real robot's pushes: .csv with a header, bags, published .npz or .mat.
 
     docs/guides/real_pushes.md shows the columns. Pushes that nearly repeat each other become one
     episode, so that no split divides them.
@@ -48,6 +48,12 @@ class RealImportOptions(Config):
     tip_radius: float | None = option(
         None, "radius of the tool where rows state none", unit="m", minimum=0.001, maximum=0.05
     )
+    body_topic: str = option(
+        "", "of bags: topic of the body's poses; of transforms, as /tf:FRAME of its frame"
+    )
+    tool_topic: str = option("", "of bags: topic of the tool's poses, likewise")
+    body: str = option("", "of bags: name of the body's outline")
+    surface: str = option("", "of bags: what the body stands on")
     degrees: bool = option(
         False, "headings of .csv files are in degrees, where their header states no unit"
     )
@@ -70,9 +76,14 @@ def run(options: RealImportOptions, console: Console) -> None:
     from sain_core.cli.terminal import WaitingLine
     from sain_model.importing.data_set import WRITTEN, import_pushes, write_imported
     from sain_model.importing.files import read_recordings
+    from sain_model.importing.pose_bags import PoseTopics
 
     claim_folder(options.out, WRITTEN, options.overwrite)
-    found = read_recordings(options.paths, options.shapes, options.tip_radius, options.degrees)
+    about = options.body_topic, options.tool_topic, options.body
+    topics = PoseTopics(*about, options.surface) if all(about) else None
+    found = read_recordings(
+        options.paths, options.shapes, options.tip_radius, options.degrees, topics
+    )
     for note in found.notes:  # they may be why the import fails
         console.print(note, soft_wrap=True, markup=False, highlight=False)
     card = _card(options, found)

@@ -25,6 +25,8 @@ from sain_core.scene import unit
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
 from sain_core.types import Mask
+from sain_model.importing.pose_bags import SUFFIXES as BAGS
+from sain_model.importing.pose_bags import PoseTopics, read_pose_bag
 from sain_model.importing.real_pushes import (
     FOUND_AT,
     LONGEST_TEXT,
@@ -322,7 +324,8 @@ def _numbers(path: Path, name: str, texts: tuple[str, ...], row: ndarray) -> nda
     return numbers
 
 
-NPZ, MAT, CSV = SUFFIXES = (".npz", ".mat", ".csv")
+NPZ, MAT, CSV = FORMS = (".npz", ".mat", ".csv")
+SUFFIXES: Final = (*FORMS, *BAGS)
 # Where outlines stand if no file is named, in upper or lower case.
 BESIDE: Final = ("shapes.json", "shapes.yaml", "outlines.yaml")
 MOST_FILES: Final = 10_000
@@ -353,8 +356,9 @@ def read_recordings(
     shapes: Path | None = None,
     tip_radius: float | None = None,
     degrees: bool = False,
+    topics: PoseTopics | None = None,
 ) -> Recordings:
-    """Read files and folders of real pushes.
+    """Read files and folders of real pushes; of bags, poses of these topics.
 
     Without a file of outlines, one of `BESIDE` next to the first path is read, if any. Where
     neither rows nor that file state the tool's radius [m], it is that of the laboratory that
@@ -375,6 +379,9 @@ def read_recordings(
             read[path] = read_npz(path, published)
         elif form_of(path) == CSV:
             read[path], of_file = read_csv(path, degrees)
+            notes += of_file
+        elif form_of(path) in BAGS:
+            read[path], of_file = read_pose_bag(path, topics)
             notes += of_file
     pushes = joined([read[path] for path in found])
     if (same := pushes.same_as_before()).any():

@@ -1,0 +1,72 @@
+"""Whether a page and a new sample agree: two-sample tests, corrected for their number."""
+
+from collections.abc import Sequence
+from math import isfinite, sqrt
+from typing import Final, NamedTuple
+
+from benchmarks.verify.pages import Claim
+
+LEVEL: Final = 0.05  # probability that one or more of all figures is outside by chance
+FEWEST: Final = 3  # values of a mean
+WIDTH: Final = 2 * 1.96  # standard errors of a 95 % interval
+
+
+class Measured(NamedTuple):
+    """A figure on a new sample."""
+
+    value: float
+    n: int  # independent values: scenes, groups of pushes
+    low: float  # of the 95 % interval
+    high: float
+
+
+class Judged(NamedTuple):
+    """A claim beside its new measurement."""
+
+    claim: Claim
+    measured: Measured
+    probability: float  # of a difference as large, if both are of one distribution; NaN: too few
+    inside: bool
+
+
+def probability(claim: Claim, new: Measured) -> float:
+    """Return the two-sided probability of a difference as large by chance; NaN: cannot be judged.
+
+    Shares are compared by Fisher's exact test. Means are compared by the difference over its
+    standard error with Student's distribution; where the page states no interval, its spread is
+    taken to be that of the new sample.
+    """
+    from scipy.stats import fisher_exact, t
+
+    if claim.what == "solved":
+        counts = [
+            [round(one.value * one.n), round((1 - one.value) * one.n)] for one in (claim, new)
+        ]
+        return float(fisher_exact(counts).pvalue)
+    if new.n < FEWEST or not isfinite(new.high - new.low):
+        return float("nan")
+    own = (new.high - new.low) / WIDTH * sqrt(new.n / (new.n - 1))
+    if claim.bounds is not None:
+        theirs = (claim.bounds[1] - claim.bounds[0]) / WIDTH
+    else:
+        theirs = own * sqrt(new.n / max(claim.n, 1))
+    error = sqrt(own**2 + theirs**2)
+    off = max(abs(new.value - claim.value) - claim.digit, 0.0)
+    if not error:  # all values are equal, as of a few scenes that each took three pushes
+        return float("nan") if off else 1.0
+    return float(2.0 * t.sf(off / error, new.n - 1))
+
+
+def judge(pairs: Sequence[tuple[Claim, Measured]], level: float = LEVEL) -> list[Judged]:
+    """Return all figures, judged by Holm's method (1979): together they err by `level` at most."""
+    chances = [probability(*pair) for pair in pairs]
+    judged = sorted((chance, place) for place, chance in enumerate(chances) if isfinite(chance))
+    outside = set[int]()
+    for rank, (chance, place) in enumerate(judged):
+        if chance > level / (len(judged) - rank):
+            break
+        outside.add(place)
+    return [
+        Judged(*pair, chance, place not in outside)
+        for place, (pair, chance) in enumerate(zip(pairs, chances, strict=True))
+    ]

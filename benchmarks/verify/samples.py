@@ -1,0 +1,137 @@
+"""New samples of the figures of some pages, with other seeds than theirs."""
+
+import re
+import shlex
+from dataclasses import replace
+from itertools import groupby
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from rich.console import Console
+
+from benchmarks.real.__main__ import all_rows
+from benchmarks.real.folds import five_folds
+from benchmarks.real.pushes import read_pushes
+from benchmarks.real.rows import Fixed, Published
+from benchmarks.results.shipped_model import FRESH, collect
+from benchmarks.verify.judging import Measured
+from benchmarks.verify.pages import ROOT, Claim, bounded_claims, solved_claims
+from sain_core.cli.arguments import read_options
+from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
+from sain_eval.cli.evaluate import EvaluateOptions, evaluate
+from sain_eval.loop.results import SceneRecord, wilson_interval
+from sain_eval.loop.results_page import CONTROLLER_NAMES
+from sain_eval.loop.tables import tolerance_text
+from sain_model.data.dataset import load_dataset
+from sain_model.dynamics.load import load_shipped
+from sain_model.evaluation.errors import MM, PRIOR_HISTORY, PUSHED, SAIN, SAIN_HISTORY
+from sain_model.evaluation.errors import evaluate as errors_of
+
+RESULTS: Final = "docs/reference/results.md"
+REAL: Final = "docs/reference/real.md"
+MODEL: Final = "docs/explanation/model.md"
+SCENES: Final = 40  # of each scenario, model and world, in a whole sample
+PUSHES: Final = 2000  # real ones, likewise
+LEARNS: Final = 0.5  # least share at which models learn from real pushes, for minutes
+EPISODES: Final = 40  # of each world of the models' page
+FIRST: Final = 1_000_000  # seed; those of the pages are below
+METRES: Final = 1e3
+WORLDS: Final = {
+    "Bullet, disks": "disks", "Bullet, feet": "feet", "Bullet, flat": "flat", "`rough`": "rough",
+    "MuJoCo, feet": "mujoco_feet", "MuJoCo, flat": "mujoco_flat", "`measured`, flat": "measured",
+}  # fmt: skip
+COMMAND: Final = re.compile(
+    r"^# (?P<world>.+), commit \w+(?P<rest>.*)\nros2 run sain_eval evaluate (?P<words>.+)$", re.M
+)
+
+Pairs = list[tuple[Claim, Measured]]
+
+
+def loops(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Play new scenes with each command of the page of results."""
+    claims, pairs, skipped = solved_claims(RESULTS), Pairs(), list[str]()
+    text = (ROOT / RESULTS).read_text(encoding="utf-8")
+    for place, found in enumerate(COMMAND.finditer(text)):
+        if found["rest"]:
+            skipped.append(f"{RESULTS}, {found['world']}: commit of its command{found['rest']}")
+            continue
+        options = read_options(EvaluateOptions, "", shlex.split(found["words"]), True)
+        name = f"{RESULTS}, {found['world']}, {options.scenario}, {options.controllers}"
+        scenes = max(min(round(share * SCENES), options.scenes), 1)
+        first = FIRST * (1 + seed) + 1000 * place
+        out = work / "loops" / f"{place}_{seed}"
+        console.print(f"{name}: {scenes} scenes from {first}", highlight=False)
+        sample = replace(options, out=out, scenes=scenes, seed=first, workers=2)
+        records = sorted(evaluate(sample, name, console), key=lambda one: one.group)
+        for group, some in groupby(records, lambda one: one.group):
+            measured = _of_scenes(rows := [*some], generator(seed, *map(str, group)))
+            turn = group[3] if any(one.has_heading for one in rows) else 0.0
+            within, model = tolerance_text(group[2], turn), CONTROLLER_NAMES[group[1]]
+            stated = claims.pop((group[0], within, model, found["world"]), [])
+            pairs += [(one, measured[one.what]) for one in stated if one.what in measured]
+    rest = [f"{one[0].page}, {one[0].row}: no command of its page" for one in claims.values()]
+    return pairs, [*skipped, *rest]
+
+
+def _of_scenes(records: list[SceneRecord], random: np.random.Generator) -> dict[str, Measured]:
+    """Return what scenes show of share solved, pushes, seconds and errors."""
+    solved = [one for one in records if one.success]
+    rate = wilson_interval(len(solved), len(records))
+    found = {"solved": Measured(rate.estimate, len(records), rate.low, rate.high)}
+    for name, of, values in (
+        ("pushes", solved, [one.pushes for one in solved]),
+        ("s", records, [one.seconds for one in records]),
+    ):
+        mean = bootstrap_mean(np.array(values, float), random)
+        found[name] = Measured(mean.estimate, len(of), mean.low, mean.high)
+    errors = [one.target_errors for one in records if one.target_errors]
+    sums, counts = (np.array([f(one) for one in errors], float) for f in (sum, len))
+    found["mm"] = _scaled(bootstrap_ratio(sums, counts, random), len(errors))
+    return {name: one for name, one in found.items() if one.n}
+
+
+def _scaled(interval: Interval, n: int) -> Measured:
+    return Measured(METRES * interval.estimate, n, METRES * interval.low, METRES * interval.high)
+
+
+def real(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Predict a sample of real pushes; rows that learn do so of all but one of other folds."""
+    if data is None:
+        return [], [f"{REAL}: the data are not given (--data)"]
+    pushes = read_pushes(data, work / "real")
+    claims, pairs = bounded_claims(REAL, "5 folds", "position [mm]"), Pairs()
+    fold = five_folds(pushes, FIRST + seed).folds[0]
+    chosen = generator(seed, "verify").permutation(fold.test)[: max(round(share * PUSHES), 20)]
+    sample = pushes.select(np.sort(chosen))
+    for row in all_rows(pushes, work / "real", seed):
+        if not (isinstance(row, Fixed | Published) or share >= LEARNS):
+            continue
+        console.print(f"{REAL}, {row.title}: {len(sample)} pushes", highlight=False)
+        fitted = row.fit(pushes.select(fold.train), pushes.select(fold.own))
+        off = np.linalg.norm((fitted.predict(sample).poses - sample.after)[:, :2], axis=1)
+        mean = bootstrap_mean(off, generator(seed, row.key), sample.group)
+        pairs.append((claims.pop(row.title), _scaled(mean, len(np.unique(sample.group)))))
+    why = f"it needs a training: --share {LEARNS:g} or more"
+    return pairs, [f"{one.page}, {one.row}: {why}" for one in claims.values()]
+
+
+def model(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Collect new episodes in new laboratories, and predict their pushes with the shipped model."""
+    claims, pairs = bounded_claims(MODEL, "Accuracy", "ratio of positions"), Pairs()
+    shipped, episodes = load_shipped(), max(round(share * EPISODES), 2)
+    for number, (world, name) in enumerate(WORLDS.items()):
+        how = FRESH[name][1].replace("--lab 7000", f"--lab {20_000 + 100 * seed}")
+        folder = work / "model" / f"{name}_{seed}_{episodes}"
+        if not (folder / "card.json").exists():
+            collect(folder, episodes, FIRST // 100 + 100 * seed + number, how)
+        found = errors_of(load_dataset(folder), {SAIN: shipped})["after"]["1"]
+        ratio = found["ratios"][PUSHED][SAIN_HISTORY][PRIOR_HISTORY][MM]
+        pairs.append((claims.pop(world), Measured(ratio[0], episodes, ratio[1], ratio[2])))
+    return pairs, []

@@ -1,0 +1,51 @@
+"""`sain verify`: the figures of the pages, measured again, by the benchmarks of a checkout."""
+
+import sys
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from rich.console import Console
+
+from sain_core.config import MOST_SEED, Config, option
+from sain_core.errors import ConfigError
+from sain_core.output import OVERWRITE_HELP, claim_folder
+
+MODULE: Final = "benchmarks.verify.__main__"
+RESULT: Final = "verify.json"
+
+
+@dataclass(frozen=True)
+class VerifyOptions(Config):
+    """Measure a sample of the published figures again, with new seeds, beside what pages state.
+
+    Half an hour on two cores. It prints the figures that are outside, and those that it does not
+    measure, with the reason; exit code 1: a figure is outside.
+    """
+
+    share: float = option(
+        1.0, "of the sample; 0.1 takes three minutes on two cores", minimum=0.01, maximum=1.0
+    )
+    only: tuple[Literal["model", "real", "loops"], ...] = option(
+        ("model", "real", "loops"), "figures of the shipped model, of real pushes, of closed loops"
+    )
+    data: Path | None = option(None, "real pushes, as `real_import` reads them")
+    seed: int = option(0, "of the sample", minimum=0, maximum=MOST_SEED // 2_000_000)
+    out: Path = option(Path("results/verify"), "folder for verify.json and what is continued")
+    overwrite: bool = option(False, OVERWRITE_HELP)
+
+
+def run(options: VerifyOptions, console: Console) -> int:
+    """Measure, print and write the figures."""
+    claim_folder(options.out, (RESULT,), options.overwrite)
+    root = Path(__file__).resolve().parents[4]
+    if not (root / "benchmarks" / "verify").is_dir():
+        raise ConfigError(
+            "verify needs a checkout: an installed package has neither the pages nor the"
+            " benchmarks; clone the repository, and run `./env sain verify` in it"
+        )
+    if str(root) not in sys.path:
+        sys.path.insert(0, str(root))
+    benchmark: Any = import_module(MODULE)
+    return int(benchmark.verify(options, console))

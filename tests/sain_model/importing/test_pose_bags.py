@@ -1,0 +1,135 @@
+"""Bags of other people's robots become data sets: poses of a body and of a tool are pushes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rosbags.rosbag1 import Writer
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from sain_core.errors import DatasetError
+from sain_core.scene import wrap_angle
+from sain_model.importing.files import read_recordings
+from sain_model.importing.pose_bags import PoseTopics
+from tests.sain_model.importing.recorded import TIP, Recorded, simulate, write_stated
+
+STORE = get_typestore(Stores.ROS1_NOETIC)
+TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
+STORE.register(get_types_from_msg(TRANSFORMS, "tf2_msgs/msg/TFMessage"))
+TOPICS = PoseTopics("/tf:knee", "/arm/tip", "knee", "steel")
+RATE = 100  # [1/s], of poses
+UP = 0.1  # [m], where the tool goes to its next start
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory) -> Recorded:
+    recorded = simulate(tmp_path_factory.mktemp("simulated"))
+    knee = recorded.object == "knee"
+    return Recorded(**{name: column[knee] for name, column in vars(recorded).items()})
+
+
+def make(kind: str, **fields):
+    return STORE.types[kind](**fields)
+
+
+def pose(x: float, y: float, z: float, heading: float, moved: str = "pose") -> dict:
+    """Return a pose or a transform, by the name of the field that it is in."""
+    names = ("Pose", "Point", "position", "orientation")
+    if moved == "transform":
+        names = ("Transform", "Vector3", "translation", "rotation")
+    kind, place, at, turn = names
+    quaternion = {"x": 0.0, "y": 0.0, "z": np.sin(heading / 2), "w": np.cos(heading / 2)}
+    return {
+        moved: make(
+            f"geometry_msgs/msg/{kind}",
+            **{at: make(f"geometry_msgs/msg/{place}", x=x, y=y, z=z)},
+            **{turn: make("geometry_msgs/msg/Quaternion", **quaternion)},
+        )
+    }
+
+
+def header(frame: str):
+    stamp = make("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+    return make("std_msgs/msg/Header", seq=0, stamp=stamp, frame_id=frame)
+
+
+def write_bag(path: Path, rows: Recorded) -> Path:
+    """Write a bag of ROS 1: the tool stands, pushes, stands, and goes to its next start above."""
+    now, kinds = (
+        1_500_000_000_000_000_000,
+        ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"),
+    )
+    with Writer(path) as writer:
+        tf, tip = (
+            writer.add_connection(topic, kind, typestore=STORE)
+            for topic, kind in zip(("/tf", "/arm/tip"), kinds, strict=True)
+        )
+
+        def at(body: np.ndarray, tool: np.ndarray, height: float = 0.0) -> None:
+            nonlocal now
+            now += 10**9 // RATE
+            moved = pose(*body[:2].tolist(), 0.02, float(body[2]), "transform")
+            other = pose(9.0, 9.0, 0.0, 0.0, "transform")
+            stamped = [
+                make("geometry_msgs/msg/TransformStamped", header=header("world"),
+                     child_frame_id=frame, **one)
+                for frame, one in (("knee", moved), ("camera", other))
+            ]  # fmt: skip
+            tool_pose = make(kinds[1], header=header("world"), **pose(*tool.tolist(), height, 0.0))
+            writer.write(
+                tf, now, STORE.serialize_ros1(make(kinds[0], transforms=stamped), kinds[0])
+            )
+            writer.write(tip, now, STORE.serialize_ros1(tool_pose, kinds[1]))
+
+        last = rows.tip_start[0]
+        for before, after, start, end, speed in zip(
+            rows.before, rows.after, rows.tip_start, rows.tip_end, rows.speed, strict=True
+        ):
+            for share in np.linspace(0.0, 1.0, RATE):
+                at(before, last + share * (start - last), UP * np.sin(np.pi * share))
+            ways = np.linspace(0.0, 1.0, round(RATE * float(np.linalg.norm(end - start) / speed)))
+            for share in (*np.zeros(RATE // 2), *ways, *np.ones(RATE // 2)):
+                at(before + share * (after - before), start + share * (end - start))
+            last = end
+    return path
+
+
+def test_poses_in_a_bag_of_ros_1_are_the_pushes(rows, tmp_path):
+    shapes = write_stated(tmp_path)
+    bag = write_bag(tmp_path / "mine.bag", rows)
+    found = read_recordings([bag], shapes, TIP, topics=TOPICS)
+    pushes = found.pushes
+    assert len(pushes) == len(rows) and set(pushes.run.tolist()) == {"mine"}
+    assert found.notes == (f"{bag}: {len(rows)} ways of the tool are no pushes",)
+    for name in ("before", "after", "tip_start", "tip_end"):
+        off = getattr(pushes, name) - getattr(rows, name)
+        off[:, 2:] = wrap_angle(off[:, 2:])
+        np.testing.assert_allclose(off, 0.0, atol=3e-5)
+    np.testing.assert_allclose(pushes.speed, rows.speed, rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("topics", "text"),
+    [
+        (None, "mine.bag is a bag; give --body-topic, --tool-topic and --body"),
+        (
+            PoseTopics("/vicon", "/arm/tip", "knee"),
+            r"no topic /vicon; it has /arm/tip \(geometry_msgs",
+        ),
+        (PoseTopics("/tf:cup", "/arm/tip", "knee"), "no poses of 'cup' on /tf"),
+        (PoseTopics("/tf:knee", "/tf:camera", "knee"), "holds no push: none of 0 ways"),
+    ],
+)
+def test_a_bag_that_has_no_pushes_says_what_it_needs(rows, tmp_path, topics, text):
+    bag = write_bag(tmp_path / "mine.bag", rows)
+    with pytest.raises(DatasetError, match=text):
+        read_recordings([bag], write_stated(tmp_path), TIP, topics=topics)
+
+
+def test_a_damaged_bag_is_an_error(rows, tmp_path):
+    bag = write_bag(tmp_path / "mine.bag", rows)
+    whole = bag.read_bytes()
+    for content in (b"", b"#ROSBAG V2.0\n", whole[: len(whole) // 2], whole[:5000] + b"x" * 5000):
+        bag.write_bytes(content)
+        with pytest.raises(DatasetError, match=r"mine\.bag"):
+            read_recordings([bag], write_stated(tmp_path), TIP, topics=TOPICS)
