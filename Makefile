@@ -2,7 +2,7 @@
 
 .DEFAULT_GOAL := help
 LINTERS := lint-types lint-style lint-imports lint-prose lint-shell lint-docker
-.PHONY: help demo live docs test test-all lint $(LINTERS) format bench table faults real anything dist lock outdated clean
+.PHONY: help demo live docs test test-all lint $(LINTERS) format bench table faults real anything pusht dist lock outdated clean
 
 SHELL_SCRIPTS := env .ci/run tools/setup.sh tools/browser.sh docker/entrypoint.sh
 GROUPS := ros graph test lint docs
@@ -88,6 +88,9 @@ real: ## results/real/: a page of errors on the real pushes at DATA=PATH; takes 
 
 anything: ## results/anything/: a page of times to goal and a film of the bodies in DATA=PATH, by the whole graph in real time; takes hours, and continues after a stop
 	@./env python -m benchmarks.anything $(if $(DATA),--data "$(DATA)") $(ARGS)
+
+pusht: ## results/pusht/: a page of stable-worldmodel's Push-T with each of its factors of variation; takes an hour, and continues after a stop
+	@./env --with test python -m benchmarks.pusht $(ARGS)
 
 dist: ## results/dist: sdist and wheel of this version, checked by twine and by an install
 	rm -rf results/dist

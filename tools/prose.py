@@ -29,7 +29,7 @@ MOST_WORDS_OF_RECORDS = 5_300
 LONGEST_SENTENCE = 25
 RECORDS = ("decisions", "notebook")  # folders: why things are as they are, and what was tried
 # Pages that tools write.
-GENERATED = {"anything.md", "faults.md", "parameters.md", "real.md", "results.md"}
+GENERATED = {"anything.md", "faults.md", "parameters.md", "pusht.md", "real.md", "results.md"}
 
 BANNED = re.compile(
     # Idioms that a reader of a second language stumbles over, and what a machine does not do.

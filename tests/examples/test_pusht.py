@@ -168,7 +168,7 @@ def varied(pusht):
 
 
 def test_the_agent_reaches_a_goal_of_stable_worldmodel_from_states(varied):
-    world = varied.VariedWorld([*varied.STARTS, "block.shape", "agent.scale"], seed=3)
+    world = varied.begin_episode([*varied.STARTS, "block.shape", "agent.scale"], seed=3)
     varied.play_episode(world)
     *_, success, _, _ = world.env.step(np.zeros(2, dtype=np.float32))
     assert success and world.done and 0 < world.success <= world.steps < 150
@@ -176,6 +176,18 @@ def test_the_agent_reaches_a_goal_of_stable_worldmodel_from_states(varied):
 
 def test_it_reaches_one_from_pictures_whose_colours_it_has_not_seen(varied):
     colours = [f"{name}.color" for name in ("agent", "block", "goal", "background")]
-    world = varied.PictureWorld([*varied.STARTS, *colours], seed=5)
+    world = varied.begin_episode([*varied.STARTS, *colours], seed=5, pictures=True)
     varied.play_episode(world)
     assert world.done and 0 < world.success < 100
+
+
+def test_the_press_of_an_agent_that_is_no_disk_is_predicted(varied):
+    world = varied.begin_episode([*varied.STARTS, "agent.shape"], seed=3)
+    assert isinstance(world, varied.SlowWorld)
+    begun, toward = world.observe(), world._scene[0, :2] - world._agent[0, :2]
+    for _ in range(12):
+        target = world._agent[0, :2] + 0.08 * toward / np.abs(toward).max()
+        expected = world._presses.follow(world._agent[0, :3], world._scene[0], target)
+        world._step(varied.pixels(target))
+        np.testing.assert_allclose(world._scene[0, :3], expected[1], atol=4e-3)
+    assert np.abs(world.observe() - begun)[0, :3].max() > 0.02

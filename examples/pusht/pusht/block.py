@@ -68,6 +68,13 @@ class Block:
         shape = PushtShape.of(name, *rings)
         return cls(shape, radius, -PIXEL * middle, centre, gyration * PIXEL)
 
+    @cached_property
+    def table(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """What the kernels take: parts' corners, where they begin, mass centre, gyration [m]."""
+        parts = self.shape.parts(self.radius)
+        firsts = np.cumsum([0, *map(len, parts)])
+        return np.concatenate(parts), firsts, self.mass_centre, self.gyration
+
     @property
     def symmetry(self) -> float:
         """The smallest turn [rad] that leaves the outline unchanged."""
@@ -89,6 +96,16 @@ class Block:
         """Return the scene (1, 8) of a pose (3,) of Push-T, at rest."""
         place = metres(pose[:2]) - _turned(self.origin, -pose[2])
         return make_scene(place[None], np.array([mass]), np.array([self.radius]), -pose[2:])
+
+    def scene_at(self, pose: np.ndarray) -> np.ndarray:
+        """Return the scene (1, 8) of a pose (3,) of the centroid in Push-T, at rest."""
+        place, size = metres(pose[:2]), np.array([self.radius])
+        return make_scene(place[None], np.array([BLOCK_MASS]), size, -pose[2:])
+
+    @cached_property
+    def outline(self) -> np.ndarray:
+        """The corners (M, 2) [px] about the centroid, with y downwards."""
+        return self.shape.outline(self.radius) / PIXEL * [1.0, -1.0]
 
     def pose_of(self, scene: np.ndarray) -> np.ndarray:
         """Return the pose (3,) in Push-T of a scene (1, 8), with an angle in (-pi, pi]."""

@@ -34,7 +34,7 @@ def push_blocks(poses, starts, ways, radius, corners, firsts, centre, gyration, 
             x = starts[row, 0] + way[0] * step / count
             y = starts[row, 1] + way[1] * step / count
             if step == 0 or np.hypot(x - pose[0], y - pose[1]) < reach:
-                left = _resolve(
+                left = resolve(
                     pose, x, y, radius, corners, firsts, centre, gyration, low, high, placed
                 )
                 if step > 0 and left > CRUSHED:
@@ -44,11 +44,11 @@ def push_blocks(poses, starts, ways, radius, corners, firsts, centre, gyration, 
 
 
 @numba.njit(cache=True)
-def _resolve(pose, x, y, radius, corners, firsts, centre, gyration, low, high, placed):
+def resolve(pose, x, y, radius, corners, firsts, centre, gyration, low, high, placed):
     """Move a block (3,) out of a disk at x, y and out of walls; return how deep it still was."""
     deepest = 0.0
     for _ in range(ROUNDS):
-        _place(pose, corners, placed)
+        place_corners(pose, corners, placed)
         deepest = 0.0
         for part in range(len(firsts) - 1):
             deep, at_x, at_y, normal_x, normal_y = _into(
@@ -57,7 +57,7 @@ def _resolve(pose, x, y, radius, corners, firsts, centre, gyration, low, high, p
             if deep > 0.0:
                 deepest = max(deepest, deep)
                 _shift(pose, deep, at_x, at_y, normal_x, normal_y, centre, gyration)
-                _place(pose, corners, placed)
+                place_corners(pose, corners, placed)
         for corner in range(len(placed)):
             for axis in range(2):
                 along_x, along_y = 1.0 - axis, float(axis)
@@ -69,14 +69,15 @@ def _resolve(pose, x, y, radius, corners, firsts, centre, gyration, low, high, p
                     sign = 1.0 if lower > 0.0 else -1.0
                     at_x, at_y = placed[corner]
                     _shift(pose, deep, at_x, at_y, sign * along_x, sign * along_y, centre, gyration)
-                    _place(pose, corners, placed)
+                    place_corners(pose, corners, placed)
         if deepest == 0.0:
             break
     return deepest
 
 
 @numba.njit(cache=True)
-def _place(pose, corners, placed):
+def place_corners(pose, corners, placed):
+    """Write where the corners (M, 2) of a body at a pose (3,) are."""
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     for corner in range(len(corners)):
         placed[corner, 0] = pose[0] + cos * corners[corner, 0] - sin * corners[corner, 1]

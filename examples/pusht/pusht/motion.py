@@ -7,6 +7,7 @@ certain before it moves. All here is in pixels.
 from dataclasses import dataclass
 from functools import cached_property
 from heapq import heappop, heappush
+from itertools import pairwise, product
 from typing import Any, Final
 
 import numpy as np
@@ -21,6 +22,7 @@ LEAST_GAP: Final = 0.3  # [px], the smallest that is accepted on a path
 ROUNDING: Final = 0.01  # [px]
 FREE: Final = 100.0  # [px], longest path in a step without contact
 AT_SPEED: Final = 0.4  # of the reach of targets: the way in a step at the speed that they allow
+CREEP: Final = 9.4  # [px], likewise of an agent that is no disk, in each coordinate
 LANDING: Final = 50.0  # [px/s], at the start of a stroke
 SLOWER: Final = 0.7 ** np.arange(6)  # factors on the speed of a path, one try after another
 STEADY: Final = 0.02  # weight of a target's change, so that targets stay near the places
@@ -136,8 +138,9 @@ def plan_motion(
     """
     block = Polygon(outline)
     path = room.path_round(motion[0], start, block)
-    for slower in SLOWER:
-        approach = _spread(path, slower * servo.free)
+    ways = [(path,)] + [(path[:2], path[1:])] * (len(path) > 2)  # at once, or first off the block
+    for slower, way in product(SLOWER, ways):
+        approach = np.concatenate([_spread(part, slower * servo.free) for part in way])
         pace = speed if np.isinf(servo.reach) else slower * speed
         places = np.concatenate([approach, servo.stroke(start, end, pace)])
         landing = LANDING * direction(start, end)
@@ -209,6 +212,64 @@ class Room:
     def _grown(self, block: Any) -> Any:
         """Return where the middle of the disk would be too near a block, or several."""
         return shapely.buffer(block, self.disk + KEEP_OFF, join_style="mitre", mitre_limit=1.5)
+
+
+@dataclass(frozen=True)
+class Hull(Room):
+    """Where the centroid of an agent that is no disk can be, while it does not turn.
+
+    Attributes:
+        parts: convex ones (M, 2) [px] of the agent about its centroid.
+    """
+
+    disk: float = 0.0
+    parts: tuple[np.ndarray, ...] = ()
+
+    def contains(self, places: np.ndarray) -> np.ndarray:
+        """Tell which places (..., 2) are between the walls."""
+        low_x, low_y, high_x, high_y = self._free.bounds
+        inside = (places >= [low_x, low_y]) & (places <= [high_x, high_y])
+        return inside.all(axis=-1)
+
+    def reaches(self, start: np.ndarray, places: np.ndarray, block: Polygon) -> np.ndarray:
+        """Tell which places (B, 2) there is a path to, round a block."""
+        free = shapely.get_parts(self._free.difference(self._grown(block)))
+        around = free[shapely.distance(free, shapely.Point(start)).argmin()]
+        return shapely.distance(around, shapely.points(places)) < 2.0 * KEEP_OFF
+
+    def nearest_outside(self, place: np.ndarray, block: Polygon) -> np.ndarray:
+        """Return the nearest place (2,) at which the agent keeps off the block."""
+        return _outside(place, self._grown(block))
+
+    def path(self, start: np.ndarray, end: np.ndarray, block: Polygon) -> np.ndarray:
+        """Return places (S, 2) after each step of control, on the way round a block."""
+        corners, places = self.path_round(start, end, block), []
+        for here, after in pairwise(corners):
+            count = int(np.ceil(np.abs(after - here).max() / CREEP)) or 1
+            places.append(here + np.linspace(0.0, 1.0, count + 1)[1:, None] * (after - here))
+        return np.concatenate([*places, corners[-1:]])
+
+    @property
+    def _free(self) -> Polygon:
+        corners = np.concatenate(self.parts)
+        return box(*(WALLS[0] - corners.min(axis=0)), *(WALLS[1] - corners.max(axis=0)))
+
+    def _grown(self, block: Any) -> Any:
+        """Return where the agent would be too near a block: the sum of block and mirrored agent."""
+        ring = np.array(block.exterior.coords)
+        sides = np.stack([ring[:-1], ring[1:]], axis=1)  # (M, 2, 2)
+        sums = []
+        for part in self.parts:
+            around = (sides[:, :, None] - part).reshape(len(sides), -1, 2)
+            sums += list(shapely.convex_hull(shapely.multipoints(around)))
+            sums.append(shapely.Polygon(ring - part[0]))
+        return _filled(shapely.union_all(sums)).buffer(
+            KEEP_OFF, join_style="mitre", mitre_limit=1.5
+        )
+
+
+def _filled(region: Any) -> Polygon:
+    return Polygon(region.exterior)
 
 
 def direction(start: np.ndarray, end: np.ndarray) -> np.ndarray:

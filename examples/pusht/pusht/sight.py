@@ -114,10 +114,12 @@ class Eyes:
     block: Seen
 
     @classmethod
-    def learned(cls, pictures: list[np.ndarray], agent: np.ndarray, block: np.ndarray) -> Self:
+    def learned(
+        cls, pictures: list[np.ndarray], agent: np.ndarray, block: np.ndarray, is_round: bool
+    ) -> Self:
         """Return eyes for the colours in pictures, with the outlines (M, 2) of agent and block."""
         pairs = _pairs(pictures)
-        bodies = [[Seen(agent, True, pair), Seen(block, False, pair)] for pair in pairs]
+        bodies = [[Seen(agent, is_round, pair), Seen(block, False, pair)] for pair in pairs]
         shares = np.array([[_shown(one, pictures) for one in both] for both in bodies])
         best = max(
             ((first, second) for first in range(len(pairs)) for second in range(len(pairs))),
@@ -127,15 +129,20 @@ class Eyes:
         )
         return cls(bodies[best[0]][0], bodies[best[1]][1])
 
-    def look(self, picture: np.ndarray, angle: float | None = None) -> tuple[Fit, Fit]:
-        """Return the fits of agent and block; that of the block near an angle, if one is given."""
-        agent, block = self.agent.mask(picture), self.block.mask(picture)
-        disk = self.agent.fit(agent, block, ANGLES)
-        if angle is not None:
-            fit = self.block.fit(block, agent, angle + NEARBY)
-            if fit.share > POOR:
-                return disk, fit
-        return disk, self.block.fit(block, agent, ANGLES)
+    def look(
+        self, picture: np.ndarray, block: float | None = None, agent: float | None = None
+    ) -> tuple[Fit, Fit]:
+        """Return the fits of agent and block, near their angles where these are given."""
+        own, other = self.agent.mask(picture), self.block.mask(picture)
+        return _near(self.agent, own, other, agent), _near(self.block, other, own, block)
+
+
+def _near(body: Seen, mask: np.ndarray, hidden: np.ndarray, angle: float | None) -> Fit:
+    if angle is not None:
+        fit = body.fit(mask, hidden, angle + NEARBY)
+        if fit.share > POOR:
+            return fit
+    return body.fit(mask, hidden, ANGLES)
 
 
 def _has(picture: np.ndarray, colour: np.ndarray) -> np.ndarray:

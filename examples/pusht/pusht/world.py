@@ -143,9 +143,11 @@ class DiskWorld:
 
     def _come_out(self) -> None:
         """Let the disk push the block away that shuts it off in a corner of the room."""
-        for _ in range(LONGEST_REST):
+        for moved in range(LONGEST_REST):
             place = self.motion[0]
             if not self.room.shut_off(place[None], self._outline[None])[0]:
+                if moved and self._step(place):  # at rest
+                    self._part()
                 return
             if not self._step(place + PUSHED * direction(place, np.full(2, MIDDLE))):
                 return
