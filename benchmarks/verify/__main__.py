@@ -10,6 +10,7 @@ import hashlib
 import sys
 from collections import Counter
 from dataclasses import asdict
+from math import isfinite
 from time import perf_counter
 from typing import Final
 
@@ -58,7 +59,7 @@ def verify(options: VerifyOptions, console: Console) -> int:
     path = options.out / RESULT
     write_json(path, {**provenance_of(options), "seconds": seconds, "figures": [
         asdict(one.claim) | {"new": one.measured._asdict(), "inside": one.inside,
-                             "probability": one.probability}
+                             "probability": one.probability if isfinite(one.probability) else None}
         for one in judged
     ], **lists})  # fmt: skip
     show(judged, lists, console)
