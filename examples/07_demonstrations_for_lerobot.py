@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from sain_bags.dataset.formats.to_lerobot import LeRobotDataset, SuppressProgressBars
+from sain_core.push import PUSH_NAMES
 from sain_gym import AgentPolicy
 
 FOLDER = Path(sys.argv[1]) if len(sys.argv) > 1 else Path("demonstrations")
@@ -63,7 +64,7 @@ size, actions = world.config.image_size, env.action_space.shape
 features = {
     IMAGE: {"dtype": "image", "shape": (size, size, 3), "names": ["height", "width", "channels"]},
     STATE: {"dtype": "float32", "shape": (16,), "names": None},
-    ACTION: {"dtype": "float32", "shape": actions, "names": ["location", "angle", "length"]},
+    ACTION: {"dtype": "float32", "shape": actions, "names": list(PUSH_NAMES)},
     "next.reward": {"dtype": "float32", "shape": (1,), "names": None},
     "next.success": {"dtype": "bool", "shape": (1,), "names": None},
     "next.done": {"dtype": "bool", "shape": (1,), "names": None},

@@ -153,7 +153,11 @@ install_group() { # GROUP
   case $1 in train | test | lerobot) install --no-config -c requirements.txt --group train || return ;; esac
   if [[ $1 == test || $1 == robots ]]; then build_missing control_msgs vision_msgs || return; fi
   # It asks for one certain build of PyTorch; LeRobot imports it and its data sets do without.
-  if [[ $1 == test || $1 == lerobot ]]; then install --no-config --no-deps torchvision==0.25.0 || return; fi
+  # The wheel of draccus, which it needs, has a package `tests` that would hide ours.
+  if [[ $1 == test || $1 == lerobot ]]; then
+    install --no-config --no-deps torchvision==0.25.0 || return
+    rm -rf "$venv"/lib/python3.*/site-packages/tests
+  fi
   for group in "$1" $([[ $1 != test ]] || echo train docs robots lerobot peers ray); do # which tests bring
     stamp "$group" "$packages_now"
   done

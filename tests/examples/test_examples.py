@@ -7,7 +7,7 @@ import pytest
 
 from tests.paths import ROOT
 
-ELSEWHERE = ("06_", "07_")  # run by test_gymnasium_examples.py
+ELSEWHERE = ("06_", "07_", "09_")  # run by test_gymnasium_examples.py
 EXAMPLES = sorted(
     path for path in (ROOT / "examples").glob("*.py") if not path.name.startswith(ELSEWHERE)
 )

@@ -11,7 +11,6 @@ from sain_core.policy import (
     IMAGE,
     STATE,
     TASK,
-    check_bodies,
     check_features,
     check_names,
     load_policy,
@@ -58,8 +57,8 @@ def test_a_policy_that_cannot_be_used_is_named_with_the_reason(name, error, text
 @pytest.mark.parametrize(
     ("features", "text"),
     [
-        ({STATE: (14,)}, r"observation.state \(14,\); there are: observation.state with 8"),
-        ({STATE: (16,), GOAL: (5,)}, r"numbers of \[1, 2\] bodies"),
+        ({STATE: (14,)}, r"observation.state \(14,\); there are, with 1 bodies, observation.state"),
+        ({STATE: (16,), GOAL: (5,)}, r"environment_state \(5,\); there are, with 2 bodies"),
         ({IMAGE: (96, 128, 3)}, r"observation.image \(96, 128, 3\)"),
     ],
 )
@@ -69,14 +68,16 @@ def test_shapes_that_no_scene_has_are_refused(features, text):
 
 
 def test_a_scene_of_other_bodies_is_refused():
-    check_bodies("act", {STATE: (16,), GOAL: (10,)}, 2)
-    with pytest.raises(ConfigError, match=r"as in scenes of 2 bodies; this one has 3: .* \(24,\)"):
-        check_bodies("act", {STATE: (16,), GOAL: (10,)}, 3)
+    features = {STATE: (16,), GOAL: (10,), IMAGE: (96, 96, 3)}
+    check_features("act", features)
+    check_features("act", features, 2)
+    with pytest.raises(ConfigError, match=r"observation.state \(16,\); there are, with 3 bodies"):
+        check_features("act", features, 3)
 
 
 def test_a_data_set_that_states_other_numbers_is_refused():
     stated = dict(names_of_numbers(2)) | {IMAGE: ["height", "width", "channels"], "task": None}
     check_names("the data set", stated)
     stated[ACTION] = ["location", "body", "angle", "length", "speed"]
-    with pytest.raises(ConfigError, match="number 0 of action is 'location', not 'body'"):
+    with pytest.raises(ConfigError, match=r"action has location, body, .* not body, location"):
         check_names("the data set", stated)

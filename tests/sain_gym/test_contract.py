@@ -40,7 +40,9 @@ def check(env: gymnasium.Env) -> None:
         check_env(env)
 
 
-@pytest.mark.parametrize(("observation", "engine"), [("state", "bullet"), ("image", "mujoco")])
+@pytest.mark.parametrize(
+    ("observation", "engine"), [("state", "bullet"), ("image", "mujoco"), ("lerobot", "bullet")]
+)
 def test_gymnasiums_check_passes(make, observation, engine):
     check(make(observation=observation, engine=engine, render_mode="rgb_array"))
 

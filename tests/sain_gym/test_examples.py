@@ -1,6 +1,7 @@
 """What the examples for Gymnasium print and write is true."""
 
 import io
+import json
 import re
 import subprocess
 import sys
@@ -52,3 +53,13 @@ def test_demonstrations_are_what_the_agent_saw_and_did(tmp_path):
         assert abs(reward - frame["next.reward"]) < 1e-3
     assert info["is_success"]
     env.close()
+
+
+def test_lerobots_own_evaluation_runs_our_agent_in_our_environment(tmp_path):
+    arguments = "--policy.type=sain --env.type=sain --env.scenario=paper --policy.controller=planar"
+    arguments += " --eval.n_episodes=2 --eval.batch_size=2 --seed=0 --output_dir=out"
+    command = [sys.executable, str(ROOT / "examples/09_lerobot_eval.py"), *arguments.split()]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    overall = json.loads((tmp_path / "out/eval_info.json").read_text())["overall"]
+    assert (overall["n_episodes"], overall["pc_success"]) == (2, 100.0)

@@ -46,9 +46,6 @@ from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 
 __all__ = ["LeRobotDataset", "SuppressProgressBars", "load", "write_info", "write_stats"]
 
-CONFIG: Final = "config.json"  # of a policy
-TRAINING: Final = "train_config.json"  # how it was trained, if LeRobot's command did
-
 
 class LeRobotPolicy(Policy):
     """A policy of any of LeRobot's classes, with the normalisation that it was trained with."""
@@ -56,29 +53,26 @@ class LeRobotPolicy(Policy):
     def __init__(self, folder: Path) -> None:
         """Load a folder that `save_pretrained` wrote, with its two processors.
 
-        Raises `ConfigError`: it takes or gives other than SAIN's observations and pushes.
+        Raises `ConfigError`: its actions are no pushes, or its data set states other numbers.
         """
         from lerobot.configs.policies import PreTrainedConfig
         from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
         config = PreTrainedConfig.from_pretrained(folder)
-        actions = config.output_features[ACTION].shape
-        if tuple(actions) != (PUSH_SIZE,):
-            raise ConfigError(
-                f"policy {folder} has actions of shape {tuple(actions)}; a push is"
-                f" {(PUSH_SIZE,)}: {', '.join(PUSH_NAMES)}"
-            )
+        shape = tuple(config.output_features[ACTION].shape)
+        if shape != (PUSH_SIZE,):
+            push = f"{(PUSH_SIZE,)}, a push: {', '.join(PUSH_NAMES)}"
+            raise ConfigError(f"policy {folder} has actions of shape {shape}; allowed: {push}")
         _check_data_set(folder)
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
         self.features = {k: s[1:] + s[:1] if k == IMAGE else s for k, s in shapes.items()}
         self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
         device = {"device_processor": {"device": str(config.device)}}
-        self._before, self._after = make_pre_post_processors(
-            config, str(folder), preprocessor_overrides=device
-        )
+        both = make_pre_post_processors(config, str(folder), preprocessor_overrides=device)
+        self._before, self._after = both
 
     def select_action(self, observation: Observation) -> ndarray:
-        """Return the action (5,), as `lerobot-eval` does it."""
+        """Return the action (5,), made as `lerobot-eval` does."""
         batch: dict[str, Any] = {TASK: [observation[TASK]]}
         for key in self.features:
             values = torch.from_numpy(np.asarray(observation[key], dtype=np.float32))[None]
@@ -87,39 +81,32 @@ class LeRobotPolicy(Policy):
             action = self._after(self._policy.select_action(self._before(batch)))
         return np.asarray(action.cpu().numpy()[0])
 
-    def reset(self) -> None:
+    def reset(self, seed: int) -> None:
         """Forget the observations and actions that wait."""
+        torch.manual_seed(seed)
         self._policy.reset()
 
 
 def load(name: str) -> LeRobotPolicy:
     """Return the policy in a folder.
 
-    Raises `CheckpointError`: LeRobot cannot read it; `ConfigError`: see `LeRobotPolicy`.
+    Raises `CheckpointError`: there is none; `ConfigError`: see `LeRobotPolicy`.
     """
     folder = Path(name).expanduser()
-    if not (folder / CONFIG).is_file():
+    if not (folder / "config.json").is_file():
         raise CheckpointError(
-            f"{folder} holds no {CONFIG}; give the folder that LeRobot saved, as"
+            f"{folder} holds no config.json; give the folder that LeRobot saved, as"
             " outputs/train/NAME/checkpoints/last/pretrained_model"
         )
-    try:
-        return LeRobotPolicy(folder)
-    except (OSError, ValueError, KeyError, TypeError, RuntimeError) as error:
-        if isinstance(error, ConfigError):
-            raise
-        raise CheckpointError(
-            f"LeRobot cannot load {folder}: {type(error).__name__}: {error}"
-        ) from error
+    return LeRobotPolicy(folder)
 
 
 def _check_data_set(folder: Path) -> None:
     """Check what the data set that a policy was trained on states, where it is still there."""
-    try:
-        training = json.loads((folder / TRAINING).read_text())
-        root = Path(training["dataset"]["root"])
-        features = json.loads((root / "meta/info.json").read_text())["features"]
+    training = folder / "train_config.json"  # of LeRobot's own command
+    root = json.loads(training.read_text())["dataset"]["root"] if training.is_file() else None
+    about = Path(root or folder) / "meta/info.json"
+    if about.is_file():
+        features = json.loads(about.read_text())["features"]
         stated = {key: one.get("names") for key, one in features.items()}
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return  # elsewhere by now, or of another version: shapes are checked all the same
-    check_names(f"policy {folder} was trained on {root}", stated)
+        check_names(f"policy {folder} was trained on {about}", stated)

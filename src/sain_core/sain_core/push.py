@@ -236,7 +236,7 @@ def push_of(action: Any, last: int, limits: PushLimits = PushLimits()) -> PushAr
     if wrong.any():
         column = int(np.argmax(wrong))
         raise OutOfRangeError(
-            f"{PUSH_NAMES[column]} of the action is {push[column]:.6g}; allowed:"
+            f"{PUSH_NAMES[column]} of the action is {push[column]:.9g}; allowed:"
             f" {low[column]:.6g} to {high[column]:.6g}"
         )
     if push[LOCATION] == -pi:

@@ -7,7 +7,7 @@ from typing import Any, Final, Self
 import gymnasium
 import numpy as np
 from gymnasium.error import ClosedEnvironmentError, ResetNeeded
-from gymnasium.spaces import Box, Space
+from gymnasium.spaces import Box, Dict, Space
 
 from sain_core.config import Config, option, typed_settings
 from sain_core.errors import ConfigError, ErrorCode, OutOfRangeError, SainError, StaleSceneError
@@ -17,7 +17,7 @@ from sain_eval.episode import Tolerance
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import SCENARIOS, check_scenario, draw_scene
 from sain_gym.episode import PushEpisode
-from sain_gym.spaces import PushSpaces
+from sain_gym.spaces import AS_LEROBOT, PushSpaces
 from sain_sim.world.engines import DEFAULT_ENGINE, ENGINE_HELP
 from sain_sim.world.own import open_world
 from sain_sim.world.truth import RANDOMISED, TRUTHS, TruthConfig
@@ -30,6 +30,7 @@ RGB_ARRAY: Final = "rgb_array"
 SCENE: Final = "scene"  # the option of `reset`
 STATE: Final = "state"
 IMAGE: Final = "image"
+LEROBOT: Final = "lerobot"  # both, by the keys that LeRobot's evaluation expects
 WIDEST: Final = 0.075  # [m]: no scenario starts nearer to its goal
 
 
@@ -43,7 +44,7 @@ class PushEnvConfig(Config):
     engine: str = option(DEFAULT_ENGINE, ENGINE_HELP)
     world: str = option(RANDOMISED, "the paper's world, or a laboratory", choices=TRUTHS)
     lab: int = option(0, "number of the laboratory", minimum=0)
-    observation: str = option(STATE, "what is observed", choices=(STATE, IMAGE))
+    observation: str = option(STATE, "what is observed", choices=(STATE, IMAGE, LEROBOT))
     tolerance: float = option(
         0.02, "distance that counts as success", unit="m", minimum=1e-4, maximum=WIDEST
     )
@@ -130,10 +131,11 @@ class PushEnv(gymnasium.Env[Any, Any]):
         self._closed = False
 
     def _observed(self) -> Space[Any]:
-        if self.config.observation != IMAGE:
-            return self.spaces.state
-        size = self.config.image_size
-        return Box(0, 255, (size, size, 3), np.uint8)
+        size, kind = self.config.image_size, self.config.observation
+        image = Box(0, 255, (size, size, 3), np.uint8)
+        if kind == LEROBOT:
+            return Dict({**self.spaces.flat, "pixels": image})
+        return image if kind == IMAGE else self.spaces.state
 
     @property
     def episode(self) -> PushEpisode:
@@ -220,7 +222,11 @@ class PushEnv(gymnasium.Env[Any, Any]):
         episode, config = self.episode, self.config
         if config.observation == IMAGE:
             return self.picture(config.image_size)
-        return self.spaces.state_of(episode.scene, episode.record.goal)
+        state = self.spaces.state_of(episode.scene, episode.record.goal)
+        if config.observation == STATE:
+            return state
+        numbers = {AS_LEROBOT[key]: rows.ravel() for key, rows in state.items()}
+        return {**numbers, "pixels": self.picture(config.image_size)}
 
     def picture(self, size: int) -> TopImage:
         """Return the scene and the goal from above, (size, size, 3)."""

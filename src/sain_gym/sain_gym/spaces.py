@@ -13,7 +13,7 @@ from math import pi
 from typing import Any, Final
 
 import numpy as np
-from gymnasium.spaces import Box, Dict
+from gymnasium.spaces import Box, Dict, Space, flatten_space
 from numpy import ndarray
 
 from sain_core.goal import Goal
@@ -28,6 +28,7 @@ FARTHEST: Final = 10.0  # [m], any coordinate: a body that falls off the table s
 # x, y, theta, vx, vy, omega, mass, radius
 LARGEST: Final = (FARTHEST, FARTHEST, pi, 100.0, 100.0, 1000.0, 100.0, 0.2)
 SMALLEST: Final = (*(-value for value in LARGEST[:6]), 0.0, 0.0)
+AS_LEROBOT: Final = {"bodies": "agent_pos", "goal": "environment_state"}  # flat, in its evaluation
 GOAL_LARGEST: Final = (1.0, FARTHEST, FARTHEST, 1.0, pi)
 GOAL_SMALLEST: Final = (0.0, -FARTHEST, -FARTHEST, 0.0, -pi)
 
@@ -53,6 +54,11 @@ class PushSpaces:
                 "goal": self._rows(GOAL_SMALLEST, GOAL_LARGEST),
             }
         )
+
+    @property
+    def flat(self) -> dict[str, Space[Any]]:
+        """The parts of a state as LeRobot's evaluation calls them."""
+        return {AS_LEROBOT[key]: flatten_space(rows) for key, rows in self.state.items()}
 
     def _rows(self, low: Sequence[float], high: Sequence[float]) -> Box:
         return Box(np.tile(low, (self.most, 1)), np.tile(high, (self.most, 1)), dtype=np.float64)

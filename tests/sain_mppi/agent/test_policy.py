@@ -39,7 +39,7 @@ class Answers(Policy):
         self.asked += 1
         return answer() if callable(answer) else answer
 
-    def reset(self):
+    def reset(self, seed):
         self.resets += 1
 
 

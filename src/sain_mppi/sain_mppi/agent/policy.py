@@ -5,12 +5,13 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
 from threading import Event, Thread
 from time import monotonic
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numpy as np
 
+from sain_core.config import MOST_SEED
 from sain_core.errors import CancelledError, ModelUnavailableError, NoPushError, SainError
-from sain_core.policy import Policy, check_bodies, load_policy, observe
+from sain_core.policy import Policy, check_features, load_policy, observe
 from sain_core.push import push_of
 from sain_core.types import PushArray
 from sain_mppi.agent.agent import Agent, AgentConfig
@@ -20,8 +21,6 @@ from sain_mppi.agent.planning import Decider
 logger = logging.getLogger(__name__)
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
-
-T = TypeVar("T")
 
 
 class PolicyDecider(Decider):
@@ -53,11 +52,11 @@ class PolicyDecider(Decider):
         Raises `CancelledError`: the job was cancelled; `NoPushError`: too many answers were
         refused; `ConfigError`: the policy takes other scenes.
         """
-        check_bodies(self._name, self._policy.features, len(job.problem.scene))
+        check_features(self._name, self._policy.features, len(job.problem.scene))
         left = self._config.max_refusals - len(job.problem.refused)
         for refused in range(left):
             try:
-                push = self._ask(job)
+                push = self._ask(job, generator)
             except CancelledError:
                 raise
             except SainError as error:
@@ -71,13 +70,13 @@ class PolicyDecider(Decider):
         self.trouble = ""
         raise NoPushError(f"{left} answers in a row were refused, the last: {self.refusal}")
 
-    def _ask(self, job: PlanJob) -> PushArray:
+    def _ask(self, job: PlanJob, generator: np.random.Generator) -> PushArray:
         problem, policy = job.problem, self._policy
         seen = observe(problem.scene, problem.goal, problem.bodies, policy.features)
 
         def answer() -> object:
             if job.session != self._session:
-                policy.reset()
+                policy.reset(int(generator.integers(MOST_SEED)))
                 self._session = job.session
             return policy.select_action(seen)
 
@@ -96,35 +95,35 @@ class TimedCall:
     """Calls what may never return, each in a thread that does not outlive the process."""
 
     def __init__(self) -> None:
-        self._running: Future[Any] | None = None
+        self._last: Future[Any] | None = None
 
-    def __call__(self, work: Callable[[], T], timeout_s: float, cancelled: Event) -> T:
-        """Return what work returns in time; work that was late before has to end first.
+    def __call__(self, work: Callable[[], Any], timeout_s: float, cancelled: Event) -> Any:
+        """Return what work returns in time; what was late before has to end first.
 
         Raises `ModelUnavailableError`: it is late; `CancelledError`: the answer is not wanted.
         """
         end = monotonic() + timeout_s
-        if self._running is not None:
-            self._wait(self._running, end, timeout_s, cancelled)
-        future: Future[T] = Future()
 
-        def run() -> None:
-            try:
-                future.set_result(work())
-            except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
-                future.set_exception(error)
+        def done(future: "Future[Any]") -> "Future[Any]":
+            while not wait([future], max(min(LOOK, end - monotonic()), 0.0)).done:
+                if cancelled.is_set():
+                    raise CancelledError("the answer is no longer wanted")
+                if monotonic() >= end:
+                    raise ModelUnavailableError(f"it did not answer within {timeout_s:.3g} s")
+            return future
 
-        self._running = future
-        Thread(target=run, name="policy", daemon=True).start()
-        self._wait(future, end, timeout_s, cancelled)
-        return future.result()
+        if self._last is not None:
+            done(self._last)
+        self._last = future = Future[Any]()
+        Thread(target=_run, args=(work, future), name="policy", daemon=True).start()
+        return done(future).result()
 
-    def _wait(self, future: "Future[T]", end: float, timeout_s: float, cancelled: Event) -> None:
-        while not wait([future], max(min(LOOK, end - monotonic()), 0.0)).done:
-            if cancelled.is_set():
-                raise CancelledError("the answer is no longer wanted")
-            if monotonic() >= end:
-                raise ModelUnavailableError(f"it did not answer within {timeout_s:.3g} s")
+
+def _run(work: Callable[[], Any], future: "Future[Any]") -> None:
+    try:
+        future.set_result(work())
+    except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
+        future.set_exception(error)
 
 
 def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
