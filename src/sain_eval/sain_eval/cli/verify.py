@@ -31,7 +31,7 @@ class VerifyOptions(Config):
         ("model", "real", "loops"), "figures of the shipped model, of real pushes, of closed loops"
     )
     data: Path | None = option(None, "real pushes, as `real_import` reads them")
-    seed: int = option(0, "of the sample", minimum=0, maximum=MOST_SEED // 2_000_000)
+    seed: int = option(0, "of the sample", minimum=0, maximum=MOST_SEED)
     out: Path = option(Path("results/verify"), "folder for verify.json and what is continued")
     overwrite: bool = option(False, OVERWRITE_HELP)
 

@@ -58,7 +58,9 @@ def write(rows: StoredRows, folder: Path) -> None:
                 images = {key: columns.pop(key) for key in [*columns] if key.startswith(IMAGES)}
                 frames, recordings = _frames(columns, unstated), columns[Column.BAG_SHA256].tolist()
                 if dataset is None:
-                    shown = {key: rows.image(recordings[0], key, images[key][0]) for key in images}
+                    shown = {
+                        key: rows.image(recordings[0], key, int(images[key][0])) for key in images
+                    }
                     dataset = _create(folder, frames | shown, rows)
                     stack.callback(dataset.finalize)  # else it writes when it is freed, or never
                     videos = Videos(dataset, _finite_stats) if images else None
