@@ -132,9 +132,9 @@ class Goal:
         return np.array([*np.ravel(poses), *self.keep], dtype=np.float64)
 
     def observed(self, count: int) -> Float[ndarray, "N 5"]:
-        """Return the goal of each of so many bodies, as `OBSERVED`: finite."""
+        """Return the goal of each of the first so many bodies, as `OBSERVED`: finite."""
         asked = np.full((count, 3), np.nan)
-        for pose in self.poses:
+        for pose in (one for one in self.poses if one.body < count):
             asked[pose.body] = pose.x, pose.y, np.nan if pose.heading is None else pose.heading
         return observed_poses(asked)
 

@@ -6,12 +6,11 @@ https://github.com/iblnkn/rosetta, doc/reference/contract.md.
 
 from typing import Any, Final
 
-import numpy as np
 from numpy import ndarray
 
 from sain_core import wire
 from sain_core.errors import InvalidInputError
-from sain_core.goal import OBSERVED, observed_poses
+from sain_core.goal import OBSERVED
 from sain_core.push import push_ids
 from sain_core.ros import codec
 from sain_core.scene import STATE_SIZE
@@ -38,11 +37,7 @@ def decode_state(message: Any, spec: Any) -> ndarray:
 def decode_goal(message: Any, spec: Any) -> ndarray:
     """Return what a ``Goal`` asks of each body (5 N,), as `OBSERVED`."""
     count = len(spec.names) // len(OBSERVED)
-    poses = np.full((count, 3), np.nan)
-    for pose in wire.decode_goal(message).fitted(count).poses:
-        if pose.body < count:
-            poses[pose.body] = pose.x, pose.y, np.nan if pose.heading is None else pose.heading
-    return observed_poses(poses).ravel()
+    return wire.decode_goal(message).fitted(count).observed(count).ravel()
 
 
 def decode_push(message: Any, spec: Any) -> ndarray:

@@ -1,6 +1,6 @@
 """The rows that a format is written from: one number of disks, streamed from disk."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isnan
 from pathlib import Path
@@ -33,9 +33,14 @@ class StoredRows:
     advance: Callable[[int], None] = field(default=lambda rows: None)  # called with rows read
     image: FindImage = no_image
 
-    def state(self, key: str) -> bool:
-        """Return whether any row has a finite number in a column."""
-        return any(np.isfinite(read_arrays(path)[key]).any() for path in self.shards)
+    def stated(self, keys: Collection[str]) -> set[str]:
+        """Return which of these columns have a finite number in any row."""
+        return {
+            key
+            for arrays in map(read_arrays, self.shards)
+            for key in keys
+            if np.isfinite(arrays[key]).any()
+        }
 
     def chunks(self, part: str) -> Iterator[Columns]:
         """Stream the rows of a part of the split, at most a shard's at a time."""

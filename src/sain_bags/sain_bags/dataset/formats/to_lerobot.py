@@ -48,7 +48,8 @@ def write(rows: StoredRows, folder: Path) -> None:
     videos: Any = None
     splits, count = {}, 0
     lacking: dict[str, list[ndarray]] = {}
-    unstated = [key for key, source in MAY_LACK.items() if not rows.state(source)]
+    stated = rows.stated(MAY_LACK.values())
+    unstated = [key for key, source in MAY_LACK.items() if source not in stated]
     with ExitStack() as stack:
         stack.enter_context(SuppressProgressBars())
         stack.enter_context(warnings.catch_warnings(action="ignore", category=RuntimeWarning))
