@@ -21,6 +21,7 @@ from rich.console import Console
 from sain_bringup.children import RestartLimits
 from sain_bringup.display import Display
 from sain_bringup.graph import (
+    LEARNER,
     MODEL,
     PLANNER,
     RECORDER,
@@ -159,7 +160,8 @@ def graph(folder: Path, options: GraphOptions) -> Iterator[Graph]:
             for name, command in graph_commands(options, ros_arguments(()), folder).items():
                 again = restart_command(name, command)
                 supervisor.start(name, command, patient=name == RECORDER, again=again)
-            director.wait_for_graph(lambda: supervisor.starting(PARTS), lambda text: None)
+            parts = (*PARTS, LEARNER)
+            director.wait_for_graph(lambda: supervisor.starting(parts), lambda text: None)
             made.append(Graph(supervisor, director, observed))
             yield made[0]
         finally:

@@ -53,6 +53,7 @@ class Terminals:
 
     def __init__(self, log: Path) -> None:
         self.log = log
+        log.touch()
         self.going_on: subprocess.Popen[bytes] | None = None
         # A make that started the tests would hand its variables to the page's own.
         inherited = {
@@ -66,11 +67,13 @@ class Terminals:
             return self.end()
         if "# first terminal" in command:
             return self.start(command)
+        # With its own limit: what it printed until then, and the first terminal, are shown.
+        limited = ["timeout", "--kill-after", "5", str(PATIENCE), "sh", "-c", command]
         done = subprocess.run(
-            ["sh", "-c", command], cwd=ROOT, env=self.environment, text=True, timeout=PATIENCE,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            limited, cwd=ROOT, env=self.environment, text=True, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
         )  # fmt: skip
-        assert done.returncode == 0, done.stdout
+        assert done.returncode == 0, f"{done.stdout}\n{self.log.read_text()}"
         return done.stdout
 
     def start(self, command: str) -> str:

@@ -255,6 +255,19 @@ def test_a_process_that_only_waits_for_a_processor_is_left_alone(supervisor, tol
     assert supervisor.children[0].process.pid == first and not told
 
 
+def test_no_process_is_restarted_because_the_machine_stood_still(supervisor, told):
+    start(supervisor)
+    wait_until_ready(supervisor)
+    first = supervisor.children[0].process.pid
+    os.kill(first, signal.SIGSTOP)
+    time.sleep(2.0)  # nobody looks
+    supervisor.check()
+    os.kill(first, signal.SIGCONT)
+    enough = time.monotonic() + 1.5
+    until(lambda: time.monotonic() > enough, supervisor)
+    assert supervisor.children[0].process.pid == first and not told
+
+
 def test_the_third_crash_within_a_minute_ends_it_with_the_reason(supervisor):
     start(supervisor)
     start(supervisor, name="other")

@@ -21,6 +21,7 @@ from sain_core.guarding import lifetime
 
 CREDENTIALS: Final = struct.Struct("3i")  # process, user and group of who sent a datagram
 LONGEST: Final = 200  # bytes of a datagram that are read
+LOOK: Final = 0.25  # [s] at most between two looks, unless the whole machine stands still
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class Heartbeats:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_PASSCRED, 1)
         self._socket.setblocking(False)
         self._socket.bind("")  # the kernel chooses an abstract address that is free
-        self._last = time.monotonic()
+        self._last = self._looked = time.monotonic()
         self._suspected: dict[str, int] | None = None
         self.ready = False
         self.closing = ""  # what it does before it ends, when it is about to
@@ -61,7 +62,14 @@ class Heartbeats:
         return self._last + self._waited(process_id)
 
     def hear(self, process_id: int) -> None:
-        """Take what has come from a process."""
+        """Take what has come from a process.
+
+        Time in which nobody looked is no silence: a machine that stood still had no heartbeats.
+        """
+        now = time.monotonic()
+        unseen, self._looked = now - self._looked, now
+        if unseen > LOOK:
+            self._last += unseen
         for word, sender in self._datagrams():
             if sender != process_id:
                 continue

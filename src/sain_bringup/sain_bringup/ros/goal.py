@@ -1,6 +1,7 @@
 """``ros2 run sain_bringup goal``: one goal by hand, how it goes, and how it ended."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from sain_interfaces.msg import Goal
 
 NOT_REACHED: Final = 1
+LOOK: Final = 0.5  # [s] between looks for another planner
 WAITS: Final = "waits for"  # begins what a planner says that cannot plan yet
 
 
@@ -48,7 +50,7 @@ class GoalOptions(WaitOptions):
 
 
 class GoalSender:
-    """Sends one goal by the action, and prints what the planner says."""
+    """Sends one goal by the action, also to a planner that was restarted; prints what it says."""
 
     def __init__(self, node: "Node", timeout_s: float, console: Console) -> None:
         from rclpy.action import ActionClient
@@ -59,6 +61,9 @@ class GoalSender:
         self.node = node
         self._console = console
         self._client = ActionClient(self.node, Reach, "reach")
+        self._where = self.node.resolve_topic_name("reach")
+        self._planners: set[bytes] = set()  # that were there when the goal was sent
+        self._before = self._pushes = 0  # for the goal: by planners before, and by all
         parts = PLANNER, SCENES
         self._wait = GraphWait(node, console, timeout_s, parts, waiting=self._on_planner)
 
@@ -70,25 +75,48 @@ class GoalSender:
         """
         from sain_interfaces.action import Reach
 
-        where = self.node.resolve_topic_name("reach")
-        self._wait(self._client.server_is_ready, f"a planner on {where}")
+        self._wait(self._client.server_is_ready, f"a planner on {self._where}")
+        self._planners = self._present()
         sent = self._client.send_goal_async(Reach.Goal(goal=goal), self._tell)
-        self._wait(sent.done, f"the answer of the planner on {where}")
+        self._wait(sent.done, f"the answer of the planner on {self._where}")
         return sent.result()
 
-    def result(self, handle: Any) -> "Reach.Result":
-        """Wait for the end of a goal; Ctrl-C cancels it."""
+    def reach(self, goal: "Goal") -> "Reach.Result":
+        """Send a goal, and wait for its end; Ctrl-C cancels it. Raises as `send`."""
         from sain_core.ros.node_main import spin_until
 
+        handle = self.send(goal)
         ended = handle.get_result_async()
         try:
-            with self._wait.line:
-                spin_until(self.node, ended.done, math.inf)
+            while not self._spin_until(ended.done):
+                self._console.print("[yellow]the planner was restarted[/]: the goal is sent again")
+                self._before, most = self._pushes, goal.max_pushes
+                goal.max_pushes = most and max(1, most - self._pushes)
+                handle = self.send(goal)
+                ended = handle.get_result_async()
+                goal.max_pushes = most
         except KeyboardInterrupt:
             self._console.print("cancelled; a push that is under way is executed to its end")
             handle.cancel_goal_async()
-            spin_until(self.node, ended.done, math.inf)
-        return ended.result().result
+            self._wait(ended.done, f"the answer of the planner on {self._where}")
+        result = ended.result().result
+        result.pushes += self._before
+        return result
+
+    def _spin_until(self, done: Callable[[], bool]) -> bool:
+        """Spin until something is done, or another planner is there; tell which."""
+        from sain_core.ros.node_main import spin_until
+
+        with self._wait.line:
+            while not spin_until(self.node, done, LOOK):
+                if self._present() - self._planners:
+                    return done()
+        return True
+
+    def _present(self) -> set[bytes]:
+        """Return what tells apart the planners that are there, and those that were killed now."""
+        topic = f"{self._where}/_action/feedback"
+        return {bytes(one.endpoint_gid) for one in self.node.get_publishers_info_by_topic(topic)}
 
     def _on_planner(self, message: str) -> bool:
         """Show what the planner waits for, or that it does not."""
@@ -98,9 +126,10 @@ class GoalSender:
 
     def _tell(self, message: Any) -> None:
         told = message.feedback
+        self._pushes = self._before + told.pushes
         place = f"{1e3 * told.goal_distance:.0f} mm"
         turn = f", {math.degrees(told.goal_turn):.0f}°" if told.goal_turn else ""
-        self._console.print(f"push {told.pushes} from {place}{turn} to the goal", highlight=False)
+        self._console.print(f"push {self._pushes} from {place}{turn} to the goal", highlight=False)
 
 
 def goal_message(options: GoalOptions) -> "Goal":
@@ -122,7 +151,7 @@ def run(options: GoalOptions, console: Console) -> int:
     endings = {Plan.EXHAUSTED: "all pushes were sent", Plan.NO_PUSH: "no push is left to try"}
     with command_node("goal") as node:
         sender = GoalSender(node, options.timeout, console)
-        result = sender.result(sender.send(goal_message(options)))
+        result = sender.reach(goal_message(options))
     count = f"{result.pushes} push{'' if result.pushes == 1 else 'es'}"
     where = f"{1e3 * result.goal_distance:.1f} mm"
     if result.status == Plan.REACHED:
