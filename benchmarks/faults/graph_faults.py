@@ -20,13 +20,14 @@ from benchmarks.faults.hostile import PACKAGES, files, messages
 from benchmarks.faults.running import PARTS, Strikes, graph, lost_rows, strike
 from benchmarks.faults.table import Row, show, write_page
 from sain_bags.reading.reader import Bag
-from sain_bringup.graph import LEARNER, MODEL, RECORDER, GraphOptions
+from sain_bringup.graph import LEARNER, MODEL, PLANNER, RECORDER, GraphOptions
 from sain_core.output import claim_file
 from sain_lab.storage.laboratory import Laboratory
 
 STOPPED: Final = 10.0  # [s]
 LEARNING: Final = (LEARNER, MODEL)  # processes that are struck while a learner is at work
-KINDS: Final = ("kill", "stop", "messages", "files", "arm")
+KINDS: Final = ("kill", "stop", "policy", "messages", "files", "arm")
+POLICY: Final = "benchmarks.faults.straight:make"
 
 
 @dataclass(frozen=True)
@@ -57,13 +58,18 @@ class Options:
 
 
 def strikes(
-    folder: Path, kind: str, tries: int, seed: int, parts: Sequence[str] = PARTS
+    folder: Path,
+    kind: str,
+    tries: int,
+    seed: int,
+    parts: Sequence[str] = PARTS,
+    policy: str = "",
 ) -> Iterator[Row]:
-    """Kill or stop each process in turn."""
+    """Kill or stop each process in turn, while the planner or a policy chooses pushes."""
     for name in parts:
         place = folder / f"{kind}_{name}"
         laboratory = place / "laboratory" if name in LEARNING else None
-        options = GraphOptions(bag=place / "bag", learn=str(laboratory or ""))
+        options = GraphOptions(bag=place / "bag", learn=str(laboratory or ""), policy=policy)
         with graph(place, options) as running:
             striking = Strikes(
                 running, partial(strike, stopped=STOPPED * (kind == "stop")), name, seed
@@ -74,8 +80,9 @@ def strikes(
         lost += lost_rows(Bag(place / "bag"), observed, striking.spared if name == RECORDER else [])
         if laboratory is not None:
             lost += learned_twice(laboratory)
-        word = "SIGKILL" if kind == "kill" else f"SIGSTOP for {STOPPED:g} s"
-        yield Row(f"{word}: {name}", tries, striking.survived, lost, striking.recoveries)
+        word = f"SIGSTOP for {STOPPED:g} s" if kind == "stop" else "SIGKILL"
+        more = ", with a policy" if policy else ""
+        yield Row(f"{word}: {name}{more}", tries, striking.survived, lost, striking.recoveries)
 
 
 def learned_twice(path: Path) -> int:
@@ -89,6 +96,9 @@ def measure(options: Options, folder: Path) -> Iterator[Row]:
     given: dict[str, Callable[[], Iterator[Row]]] = {
         "kill": lambda: strikes(folder, "kill", options.kills, options.seed, options.parts),
         "stop": lambda: strikes(folder, "stop", options.stops, options.seed, options.parts),
+        "policy": lambda: strikes(
+            folder, "policy", options.kills, options.seed, (PLANNER, RECORDER), POLICY
+        ),
         "messages": lambda: (messages(one, options.messages, options.seed) for one in PACKAGES),
         "files": lambda: iter([files(folder, options.files, options.seed)]),
         "arm": lambda: arm_faults(folder, options.arm, options.words),

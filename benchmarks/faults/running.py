@@ -40,6 +40,7 @@ from sain_core.ros.qos import QUEUE
 from sain_eval.scenes.scenarios import SCENARIOS
 from sain_interfaces.msg import PushResult, Scene
 
+ROOT: Final = Path(__file__).parents[2]
 PARTS: Final = (SIMULATOR, MODEL, PLANNER, RECORDER)
 TOLERANCE: Final = 0.02  # [m]
 TIMEOUT: Final = 60.0  # [s]
@@ -134,10 +135,14 @@ class Graph:
 
 @contextmanager
 def own_domain() -> Iterator[None]:
-    """Use a domain that nobody else uses: not even processes that were killed a moment ago."""
+    """Use a domain that nobody else uses: not even processes that were killed a moment ago.
+
+    Its nodes can import policies of this package.
+    """
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     with (
         domain_coordinator.domain_id() as domain,
-        patch.dict(os.environ, ROS_DOMAIN_ID=str(domain)),
+        patch.dict(os.environ, ROS_DOMAIN_ID=str(domain), PYTHONPATH=path),
     ):
         yield
 

@@ -33,8 +33,6 @@ REPEATS: Final = {  # pages, and those whose figures they repeat
     "docs/explanation/paper.md": (samples.RESULTS, samples.MODEL),
 }
 WHERE: Final = {  # why figures of a page are not measured here
-    "docs/reference/anything.md": "an arm and tags at its own pace: python -m benchmarks.anything",
-    "docs/reference/faults.md": "faults take an hour: python -m benchmarks faults",
     "README.md": "repeated from other pages, or learned: python -m benchmarks.results.learning",
 }
 OTHERWISE: Final = "no sample is drawn of it; see the commands of the page"
@@ -45,9 +43,8 @@ def verify(options: VerifyOptions, console: Console) -> int:
     pairs, missing, seconds = samples.Pairs(), list[str](), dict[str, float]()
     for name in options.only:
         start, take = perf_counter(), getattr(samples, name)
-        found, left = take(
-            options.share, options.seed % SAMPLES, options.out, console, options.data
-        )
+        data = options.outlines if name == "anything" else options.data
+        found, left = take(options.share, options.seed % SAMPLES, options.out, console, data)
         seconds[name] = perf_counter() - start
         pairs, missing = [*pairs, *found], [*missing, *left]
     judged = judge(pairs)

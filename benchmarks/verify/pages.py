@@ -11,6 +11,7 @@ PAGES: Final = ("README.md", "docs/reference/*.md", "docs/explanation/*.md")
 NUMBER: Final = r"(\d[\d,]*(?:\.\d+)?)"
 BOUNDED: Final = re.compile(rf"{NUMBER} \[(-?[\d.]+), (-?[\d.]+)\]")
 SOLVED: Final = re.compile(r"\**(\d+)/(\d+)\**")
+SHARES: Final = ("success", "reached")  # columns
 MEASURED: Final = re.compile(  # what makes a cell or a bold text a figure
     rf"{BOUNDED.pattern}|\b\d+/\d+\b|\b\d+ of \d+\b|\d (?:mm|ms|%|s|pushes/s|degrees)\b"
 )
@@ -92,6 +93,27 @@ def bounded_claims(page: str, section: str, column: str, root: Path = ROOT) -> d
             digit = 0.5 * 10.0 ** -len(stated[1].partition(".")[2])
             where = f"{section}, {row[0]}"
             found[row[0]] = Claim(page, where, column, value, 0, (low, high), digit)
+    return found
+
+
+def share_claims(page: str, root: Path = ROOT) -> dict[tuple[str, str], list[Claim]]:
+    """Return shares of successes, and means of seconds beside them, by section and row.
+
+    A share is one cell, such as 19/20, or two, as the columns of faults.
+    """
+    found = dict[tuple[str, str], list[Claim]]()
+    for table in tables(page, root):
+        for row in table.rows:
+            cells = dict(zip(table.header, row, strict=True))
+            pair = (cells.get("Survived"), cells.get("Tries"))
+            share = next((cells[name] for name in SHARES if name in cells), "/".join(map(str, pair)))
+            if solved := SOLVED.fullmatch(share):
+                count, n = map(int, solved.groups())
+                where = f"{table.section}, {row[0]}"
+                claims = [Claim(page, where, "solved", count / n, n)]
+                if mean := cells.get("mean [s]"):
+                    claims.append(Claim(page, where, "s", float(mean), count, None, 0.05))
+                found.setdefault((table.section, row[0]), claims)
     return found
 
 

@@ -2,22 +2,28 @@
 
 import re
 import shlex
+import shutil
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from rich.console import Console
 
+from benchmarks import pusht as push_t
+from benchmarks.anything.__main__ import Options as AnythingOptions
+from benchmarks.anything.__main__ import play_all
+from benchmarks.faults.graph_faults import PARTS, strikes
 from benchmarks.real.__main__ import all_rows
 from benchmarks.real.folds import five_folds
 from benchmarks.real.pushes import read_pushes
 from benchmarks.real.rows import Fixed, Published
 from benchmarks.results.shipped_model import FRESH, collect
 from benchmarks.verify.judging import Measured
-from benchmarks.verify.pages import ROOT, Claim, bounded_claims, solved_claims
+from benchmarks.verify.pages import ROOT, Claim, bounded_claims, share_claims, solved_claims
 from sain_core.cli.arguments import read_options
+from sain_core.guarding.documents import read_json
 from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate
 from sain_eval.loop.results import SceneRecord, wilson_interval
@@ -31,10 +37,16 @@ from sain_model.evaluation.errors import evaluate as errors_of
 RESULTS: Final = "docs/reference/results.md"
 REAL: Final = "docs/reference/real.md"
 MODEL: Final = "docs/explanation/model.md"
+ANYTHING: Final = "docs/reference/anything.md"
+FAULTS: Final = "docs/reference/faults.md"
+PUSHT: Final = "docs/reference/pusht.md"
 SCENES: Final = 40  # of each scenario, model and world, in a whole sample
 PUSHES: Final = 2000  # real ones, likewise
 LEARNS: Final = 0.5  # least share at which models learn from real pushes, for minutes
 EPISODES: Final = 40  # of each world of the models' page
+KILLS: Final = 3  # of each process
+GOALS: Final = 4  # of each of the bodies
+BODIES: Final = ("push_t", "letter_r")
 FIRST: Final = 1_000_000  # seed; those of the pages are below
 METRES: Final = 1e3
 WORLDS: Final = {
@@ -79,8 +91,7 @@ def loops(
 def _of_scenes(records: list[SceneRecord], random: np.random.Generator) -> dict[str, Measured]:
     """Return what scenes show of share solved, pushes, seconds and errors."""
     solved = [one for one in records if one.success]
-    rate = wilson_interval(len(solved), len(records))
-    found = {"solved": Measured(rate.estimate, len(records), rate.low, rate.high)}
+    found = {"solved": _share(len(solved), len(records))}
     for name, of, values in (
         ("pushes", solved, [one.pushes for one in solved]),
         ("s", records, [one.seconds for one in records]),
@@ -135,3 +146,61 @@ def model(
         ratio = found["ratios"][PUSHED][SAIN_HISTORY][PRIOR_HISTORY][MM]
         pairs.append((claims.pop(world), Measured(ratio[0], episodes, ratio[1], ratio[2])))
     return pairs, []
+
+
+def faults(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Kill each process of a graph; where something is lost, nothing survived."""
+    claims, pairs = share_claims(FAULTS), Pairs()
+    folder = work / "faults" / str(seed)
+    shutil.rmtree(folder, ignore_errors=True)
+    for row in strikes(folder, "kill", max(round(share * KILLS), 1), seed):
+        console.print(f"{FAULTS}, {row.fault}", highlight=False)
+        (claim,) = claims["Faults", row.fault]
+        pairs.append((claim, _share(row.survived if not row.lost else 0, row.tries)))
+    return pairs, []
+
+
+def pusht(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Play a new episode of Push-T with each factor."""
+    claims, pairs, folder = share_claims(PUSHT), Pairs(), work / "pusht" / str(seed)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / push_t.RESULTS
+    found = read_json(path) if path.exists() else {"episodes": []}
+    names = tuple(dict.fromkeys(row for _, row in claims))
+    some = names[:: max(round(1.0 / share), 1)]
+    push_t.play_all(push_t.Options(episodes=1, factors=some, seed=FIRST + seed), found, path, console)
+    for row in found["episodes"]:
+        for claim in claims.get((f"From {row['see']}", row["factor"]), []):
+            pairs.append((claim, _share(int(0 < row["success"] <= push_t.BUDGET), 1)))
+    return pairs, []
+
+
+def anything(
+    share: float, seed: int, work: Path, console: Console, data: Path | None
+) -> tuple[Pairs, list[str]]:
+    """Bring bodies of Push Anything to new goals, with the whole graph at its pace."""
+    if data is None:
+        return [], [f"{ANYTHING}: the outlines are not given (--outlines)"]
+    claims, pairs, found = share_claims(ANYTHING), Pairs(), dict[str, Any]()
+    options = AnythingOptions(
+        data=data, robots=("ur5",), bodies=BODIES, goals=max(round(share * GOALS), 1),
+        seed=FIRST + seed, out=work / "anything" / str(seed),
+    )  # fmt: skip
+    for _ in play_all(options, found, console):
+        pass
+    for name in BODIES:
+        goals = found["trials"][f"ur5 tags {name}"]["goals"]
+        times = [one["seconds"] for one in goals if one["seconds"] is not None]
+        mean = bootstrap_mean(np.array(times), generator(seed, name))
+        new = _share(len(times), len(goals)), Measured(mean.estimate, len(times), mean.low, mean.high)
+        pairs += zip(claims["ur5, seen by tags", name.replace("_", " ")], new, strict=True)
+    return pairs, []
+
+
+def _share(hits: int, count: int) -> Measured:
+    rate = wilson_interval(hits, count)
+    return Measured(rate.estimate, count, rate.low, rate.high)

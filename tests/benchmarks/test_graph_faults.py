@@ -5,9 +5,9 @@ import sys
 
 import pytest
 
-from benchmarks.faults.graph_faults import strikes
+from benchmarks.faults.graph_faults import POLICY, strikes
 from benchmarks.faults.table import Row, write_page
-from sain_bringup.graph import LEARNER
+from sain_bringup.graph import LEARNER, PLANNER
 from tests.paths import ROOT
 
 pytestmark = pytest.mark.system
@@ -17,6 +17,13 @@ def test_a_learner_is_killed_and_its_laboratory_is_whole(tmp_path):
     (row,) = strikes(tmp_path, "kill", 1, seed=0, parts=[LEARNER])
     assert (row.tries, row.survived, row.lost) == (1, 1, 0), row
     assert 0.0 < row.recoveries[0] < 60.0
+
+
+def test_nothing_is_lost_when_the_planner_with_a_policy_is_killed(tmp_path):
+    (row,) = strikes(tmp_path, "policy", 1, seed=0, parts=[PLANNER], policy=POLICY)
+    assert (row.fault, row.tries, row.survived, row.lost) == (
+        "SIGKILL: planner, with a policy", 1, 1, 0,
+    ), row  # fmt: skip
 
 
 def test_mutated_files_are_read_or_refused_and_spoilt_messages_are_answered(tmp_path):

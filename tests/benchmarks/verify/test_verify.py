@@ -12,11 +12,22 @@ from benchmarks.verify.pages import (
     Claim,
     all_pages,
     bounded_claims,
+    share_claims,
     solved_claims,
     stated_elsewhere,
     without_command,
 )
-from benchmarks.verify.samples import MODEL, REAL, RESULTS, WORLDS
+from benchmarks.verify.samples import (
+    ANYTHING,
+    BODIES,
+    FAULTS,
+    MODEL,
+    PARTS,
+    PUSHT,
+    REAL,
+    RESULTS,
+    WORLDS,
+)
 from sain_core.errors import ConfigError
 from sain_eval.cli import verify
 
@@ -37,6 +48,17 @@ PAGE = """# Errors
 | 0.5 cm | planar prior, history | **57/100** (47-66 %), 10.0 pushes, 12.9 s, 9.9 mm |
 """
 
+COUNTS = """
+| body | reached | mean [s] | C3+ |
+| --- | ---: | ---: | ---: |
+| push t | 19/20 | 7.2 | 26.9 |
+
+| Fault | Tries | Survived | Lost |
+| --- | ---: | ---: | ---: |
+| SIGKILL: model | 50 | 49 | 1 |
+| SIGKILL: model | 20 | 20 | 0 |
+"""
+
 
 def test_claims_are_what_the_page_states(tmp_path):
     (tmp_path / "page.md").write_text(PAGE)
@@ -46,6 +68,13 @@ def test_claims_are_what_the_page_states(tmp_path):
     ]  # fmt: skip
     claim = bounded_claims("page.md", "Errors", "error", tmp_path)["planar"]
     assert (claim.value, claim.bounds, claim.digit) == (2.72, (2.65, 2.79), 0.005)
+
+    (tmp_path / "page.md").write_text(COUNTS)
+    claims = share_claims("page.md", tmp_path)
+    shares = {row[1]: [(one.what, one.value, one.n) for one in found] for row, found in claims.items()}
+    assert shares == {
+        "push t": [("solved", 0.95, 20), ("s", 7.2, 19)], "SIGKILL: model": [("solved", 0.98, 50)],
+    }  # fmt: skip
 
 
 def test_figures_without_a_command_or_another_than_on_the_page_they_repeat(tmp_path):
@@ -89,6 +118,10 @@ def test_many_figures_are_not_outside_by_chance():
 def test_every_figure_that_is_sampled_is_on_its_page():
     assert sum(map(len, solved_claims(RESULTS).values())) > 300
     assert len(bounded_claims(REAL, "5 folds", "position [mm]")) == 11
+    assert {("Faults", f"SIGKILL: {name}") for name in PARTS} <= share_claims(FAULTS).keys()
+    assert ("From pictures", "block.shape") in share_claims(PUSHT)
+    named = {("ur5, seen by tags", name.replace("_", " ")) for name in BODIES}
+    assert named <= share_claims(ANYTHING).keys()
     assert set(bounded_claims(MODEL, "Accuracy", "ratio of positions")) == set(WORLDS)
 
 

@@ -4,7 +4,7 @@ import sys
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, get_args
 
 from rich.console import Console
 
@@ -14,6 +14,7 @@ from sain_core.output import OVERWRITE_HELP, claim_folder
 
 MODULE: Final = "benchmarks.verify.__main__"
 RESULT: Final = "verify.json"
+Sample = Literal["model", "real", "loops", "faults", "pusht", "anything"]
 
 
 @dataclass(frozen=True)
@@ -27,10 +28,12 @@ class VerifyOptions(Config):
     share: float = option(
         1.0, "of the sample; 0.1 takes three minutes on two cores", minimum=0.01, maximum=1.0
     )
-    only: tuple[Literal["model", "real", "loops"], ...] = option(
-        ("model", "real", "loops"), "figures of the shipped model, of real pushes, of closed loops"
+    only: tuple[Sample, ...] = option(
+        get_args(Sample), "figures of the shipped model, of real pushes, of closed loops, of faults"
+        " of a graph, of Push-T, of an arm with Push Anything's bodies"
     )
     data: Path | None = option(None, "real pushes, as `real_import` reads them")
+    outlines: Path | None = option(None, "bodies of Push Anything, as `make anything` reads them")
     seed: int = option(0, "of the sample", minimum=0, maximum=MOST_SEED)
     out: Path = option(Path("results/verify"), "folder for verify.json and what is continued")
     overwrite: bool = option(False, OVERWRITE_HELP)
