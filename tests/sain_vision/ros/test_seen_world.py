@@ -7,6 +7,7 @@ from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.scene import POSITION
 from sain_core.shapes.body_file import write_tagged_bodies
+from sain_interfaces.srv import ResetScene
 from sain_sim.ros.sim_node import SimNode
 from sain_vision.ros.scene_node import SceneNode
 from sain_vision.ros.tag_node import TagNode
@@ -19,6 +20,8 @@ def test_a_push_starts_from_a_scene_that_was_seen(graph, tmp_path):
     simulator = graph.start(SimNode, scenes=False, cell__wait_aside=True, **SMALL)
     graph.spin(0.5)
     assert simulator.simulator._images is None
+    for friction in (0.2, 0.3):  # its episodes are others than those of who makes the scenes
+        simulator.episodes._reset(ResetScene.Request(seed=1, friction=friction))
     world = simulator.simulator.parameters
     start = simulator.simulator.world.observe()
     path = tmp_path / "bodies.yaml"
@@ -44,3 +47,5 @@ def test_a_push_starts_from_a_scene_that_was_seen(graph, tmp_path):
     truth = wire.decode_disks(result.after.disks)
     np.testing.assert_allclose(seen[:, POSITION], truth[:, POSITION], atol=0.001)
     assert np.abs(truth - start)[:, POSITION].max() > 0.01
+    stated = [(one.episode_id, one.friction) for one in graph.heard["world_parameters"]]
+    assert stated == [(scene.episode_id, 0.3)]

@@ -103,6 +103,8 @@ class Publishing:
         camera = self.images.transform(self.now())
         self._transforms = Transforms(node, config.cell.arm, prefix, camera)
         self._next_shot = 0.0  # [s], simulated
+        self._stated = 0  # episode whose world was published; 0: none
+        self._begun = ResetScene.Request()
         self._diagnostics = Diagnostics(
             node, "simulation", now=self.now, more=lambda: driver.reception.figures
         )
@@ -200,12 +202,23 @@ class Publishing:
                 self._scene.publish(self._encode(frame.scene, stamp, settled))
 
     def episode(self, begun: ResetScene.Request) -> None:
-        """Publish shape and role of each body of an episode, and the parameters of its world."""
-        simulator, episode_id = self.simulator, self._session.episode_id
-        parameters, radii = simulator.parameters, simulator.radii
-        ids = {"stamp": self.now(), "episode_id": episode_id}
+        """Publish shape and role of each body of an episode, and the parameters of its world.
+
+        Where somebody else makes the scenes, it is not known yet which episode that will be.
+        """
+        simulator, self._begun, self._stated = self.simulator, begun, 0
+        ids = {"stamp": self.now(), "episode_id": self._session.episode_id}
         if self._shapes is not None:
-            self._shapes.publish(codec.encode_bodies(parameters.bodies, radii, **ids))
+            bodies = simulator.parameters.bodies
+            self._shapes.publish(codec.encode_bodies(bodies, simulator.radii, **ids))
+            self.state_world()
+
+    def state_world(self) -> None:
+        """Publish the parameters of the world, unless they were since it began."""
+        simulator, episode_id, begun = self.simulator, self._session.episode_id, self._begun
+        if self._stated == episode_id:
+            return
+        self._stated, parameters = episode_id, simulator.parameters
         self._world.publish(
             WorldParameters(
                 header=codec.header(self.now()),

@@ -59,6 +59,7 @@ class SimNode(PushingNode):
         """Take a push; it is kept, so that it is answered also after a crash."""
         self.pacer.idle()
         self.episodes.begin(push)
+        self.publishing.state_world()
         self._push, self._pushed = push, (self.publishing.sample, PushResult())
         self._joints = self.publishing.sample.joint_positions
         super().begin(push, stroke)
