@@ -106,7 +106,9 @@ def share_claims(page: str, root: Path = ROOT) -> dict[tuple[str, str], list[Cla
         for row in table.rows:
             cells = dict(zip(table.header, row, strict=True))
             pair = (cells.get("Survived"), cells.get("Tries"))
-            share = next((cells[name] for name in SHARES if name in cells), "/".join(map(str, pair)))
+            share = next(
+                (cells[name] for name in SHARES if name in cells), "/".join(map(str, pair))
+            )
             if solved := SOLVED.fullmatch(share):
                 count, n = map(int, solved.groups())
                 where = f"{table.section}, {row[0]}"

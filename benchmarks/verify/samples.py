@@ -14,7 +14,7 @@ from rich.console import Console
 from benchmarks import pusht as push_t
 from benchmarks.anything.__main__ import Options as AnythingOptions
 from benchmarks.anything.__main__ import play_all
-from benchmarks.faults.graph_faults import PARTS, strikes
+from benchmarks.faults.graph_faults import strikes
 from benchmarks.real.__main__ import all_rows
 from benchmarks.real.folds import five_folds
 from benchmarks.real.pushes import read_pushes
@@ -172,7 +172,9 @@ def pusht(
     found = read_json(path) if path.exists() else {"episodes": []}
     names = tuple(dict.fromkeys(row for _, row in claims))
     some = names[:: max(round(1.0 / share), 1)]
-    push_t.play_all(push_t.Options(episodes=1, factors=some, seed=FIRST + seed), found, path, console)
+    push_t.play_all(
+        push_t.Options(episodes=1, factors=some, seed=FIRST + seed), found, path, console
+    )
     for row in found["episodes"]:
         for claim in claims.get((f"From {row['see']}", row["factor"]), []):
             pairs.append((claim, _share(int(0 < row["success"] <= push_t.BUDGET), 1)))
@@ -196,7 +198,10 @@ def anything(
         goals = found["trials"][f"ur5 tags {name}"]["goals"]
         times = [one["seconds"] for one in goals if one["seconds"] is not None]
         mean = bootstrap_mean(np.array(times), generator(seed, name))
-        new = _share(len(times), len(goals)), Measured(mean.estimate, len(times), mean.low, mean.high)
+        new = (
+            _share(len(times), len(goals)),
+            Measured(mean.estimate, len(times), mean.low, mean.high),
+        )
         pairs += zip(claims["ur5, seen by tags", name.replace("_", " ")], new, strict=True)
     return pairs, []
 

@@ -71,7 +71,9 @@ def test_claims_are_what_the_page_states(tmp_path):
 
     (tmp_path / "page.md").write_text(COUNTS)
     claims = share_claims("page.md", tmp_path)
-    shares = {row[1]: [(one.what, one.value, one.n) for one in found] for row, found in claims.items()}
+    shares = {
+        row[1]: [(one.what, one.value, one.n) for one in found] for row, found in claims.items()
+    }
     assert shares == {
         "push t": [("solved", 0.95, 20), ("s", 7.2, 19)], "SIGKILL: model": [("solved", 0.98, 50)],
     }  # fmt: skip

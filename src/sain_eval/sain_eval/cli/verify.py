@@ -29,8 +29,9 @@ class VerifyOptions(Config):
         1.0, "of the sample; 0.1 takes three minutes on two cores", minimum=0.01, maximum=1.0
     )
     only: tuple[Sample, ...] = option(
-        get_args(Sample), "figures of the shipped model, of real pushes, of closed loops, of faults"
-        " of a graph, of Push-T, of an arm with Push Anything's bodies"
+        get_args(Sample),
+        "figures of the shipped model, of real pushes, of closed loops, of faults"
+        " of a graph, of Push-T, of an arm with Push Anything's bodies",
     )
     data: Path | None = option(None, "real pushes, as `real_import` reads them")
     outlines: Path | None = option(None, "bodies of Push Anything, as `make anything` reads them")
