@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.convert.converter import convert
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -18,7 +19,11 @@ TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 STORE.register(get_types_from_msg(TRANSFORMS, "tf2_msgs/msg/TFMessage"))
 TOPICS = PoseTopics("/tf:knee", "/arm/tip", "knee", "steel")
 RATE = 100  # [1/s], of poses
-UP = 0.1  # [m], where the tool goes to its next start
+UP = 0.1  # [m], where the tool goes to its next start, straight and level
+EVERY = dict.fromkeys(
+    ("exclude_topics", "include_topics", "exclude_msgtypes", "include_msgtypes"), ()
+)
+AWAY = np.array([0.3, 0.0, 1.0])  # where a hand takes the body
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +58,19 @@ def header(frame: str):
     return make("std_msgs/msg/Header", seq=0, stamp=stamp, frame_id=frame)
 
 
-def write_bag(path: Path, rows: Recorded) -> Path:
-    """Write a bag of ROS 1: the tool stands, pushes, stands, and goes to its next start above."""
+def write_bag(
+    path: Path, rows: Recorded, noise: float = 0.0, base: str = "world", spoilt: int = 0
+) -> Path:
+    """Write a bag of ROS 1: the tool stands, pushes, stands, and goes to its next start above.
+
+    While it stands after a push, a hand takes the body away. Poses of the tool are in a frame
+    `base`, with noise [m]. One in `spoilt` poses of the body has no quaternion.
+    """
     now, kinds = (
         1_500_000_000_000_000_000,
         ("tf2_msgs/msg/TFMessage", "geometry_msgs/msg/PoseStamped"),
     )
+    random = np.random.default_rng(0)
     with Writer(path) as writer:
         tf, tip = (
             writer.add_connection(topic, kind, typestore=STORE)
@@ -68,14 +80,17 @@ def write_bag(path: Path, rows: Recorded) -> Path:
         def at(body: np.ndarray, tool: np.ndarray, height: float = 0.0) -> None:
             nonlocal now
             now += 10**9 // RATE
+            tool = tool + random.normal(scale=noise, size=2) if noise else tool
             moved = pose(*body[:2].tolist(), 0.02, float(body[2]), "transform")
+            if spoilt and now // (10**9 // RATE) % spoilt == 0:
+                moved["transform"].rotation.z = moved["transform"].rotation.w = 0.0
             other = pose(9.0, 9.0, 0.0, 0.0, "transform")
             stamped = [
                 make("geometry_msgs/msg/TransformStamped", header=header("world"),
                      child_frame_id=frame, **one)
                 for frame, one in (("knee", moved), ("camera", other))
             ]  # fmt: skip
-            tool_pose = make(kinds[1], header=header("world"), **pose(*tool.tolist(), height, 0.0))
+            tool_pose = make(kinds[1], header=header(base), **pose(*tool.tolist(), height, 0.0))
             writer.write(
                 tf, now, STORE.serialize_ros1(make(kinds[0], transforms=stamped), kinds[0])
             )
@@ -85,11 +100,14 @@ def write_bag(path: Path, rows: Recorded) -> Path:
         for before, after, start, end, speed in zip(
             rows.before, rows.after, rows.tip_start, rows.tip_end, rows.speed, strict=True
         ):
-            for share in np.linspace(0.0, 1.0, RATE):
-                at(before, last + share * (start - last), UP * np.sin(np.pi * share))
+            way = np.linspace(0.0, 1.0, RATE)
+            for share in (*np.zeros(RATE // 2), *way, *np.ones(RATE // 2)):
+                at(before, last + share * (start - last), UP)
             ways = np.linspace(0.0, 1.0, round(RATE * float(np.linalg.norm(end - start) / speed)))
             for share in (*np.zeros(RATE // 2), *ways, *np.ones(RATE // 2)):
                 at(before + share * (after - before), start + share * (end - start))
+            for _ in range(RATE // 2):
+                at(after + AWAY, end)
             last = end
     return path
 
@@ -100,12 +118,39 @@ def test_poses_in_a_bag_of_ros_1_are_the_pushes(rows, tmp_path):
     found = read_recordings([bag], shapes, TIP, topics=TOPICS)
     pushes = found.pushes
     assert len(pushes) == len(rows) and set(pushes.run.tolist()) == {"mine"}
-    assert found.notes == (f"{bag}: {len(rows)} ways of the tool are no pushes",)
+    (note,) = found.notes
+    assert note.endswith(" ways of the tool are no pushes")
     for name in ("before", "after", "tip_start", "tip_end"):
         off = getattr(pushes, name) - getattr(rows, name)
         off[:, 2:] = wrap_angle(off[:, 2:])
         np.testing.assert_allclose(off, 0.0, atol=3e-5)
     np.testing.assert_allclose(pushes.speed, rows.speed, rtol=0.03)
+
+
+def test_noise_and_a_few_spoilt_poses_lose_no_push(rows, tmp_path):
+    bag = write_bag(tmp_path / "mine.bag", rows, noise=1e-4, spoilt=50)
+    topics = PoseTopics("/tf:/knee", "/arm/tip", "knee")
+    found = read_recordings([bag], write_stated(tmp_path), TIP, topics=topics)
+    assert len(found.pushes) == len(rows)
+    assert "poses are left out: /tf:/knee has a quaternion of length 0" in found.notes[0]
+    np.testing.assert_allclose(found.pushes.tip_end, rows.tip_end, atol=1e-3)
+
+
+def test_poses_of_two_frames_are_an_error(rows, tmp_path):
+    bag = write_bag(tmp_path / "mine.bag", rows, base="camera")
+    with pytest.raises(DatasetError, match="is in frame 'world', and /arm/tip in 'camera'"):
+        read_recordings([bag], write_stated(tmp_path), TIP, topics=TOPICS)
+
+
+def test_a_folder_of_ros_2_is_one_bag(rows, tmp_path):
+    """As ROS 2 wrote them up to Humble: with a database."""
+    old, new = write_bag(tmp_path / "mine.bag", rows), tmp_path / "mine"
+    plain = {"compress": None, "compress_mode": "file", "default_typestore": None}
+    store = get_typestore(Stores.ROS2_JAZZY)
+    convert([old], new, "sqlite3", 8, **plain, typestore=store, **EVERY)
+    assert [one.suffix for one in sorted(new.iterdir())] == [".yaml", ".db3"]
+    found = read_recordings([new], write_stated(tmp_path), TIP, topics=TOPICS)
+    assert len(found.pushes) == len(rows) and found.paths == (new,)
 
 
 @pytest.mark.parametrize(

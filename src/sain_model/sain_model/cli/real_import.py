@@ -14,7 +14,7 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.errors import OutputError
 from sain_core.guarding.documents import parse_json
-from sain_core.guarding.untrusted import read_regular, read_regular_text
+from sain_core.guarding.untrusted import open_regular, read_regular_text
 from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.shapes.outlines import LEAST_MASS, MOST_MASS
 from sain_core.transitions import Column
@@ -121,13 +121,20 @@ def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
     stated = ~np.isnan(found.pushes.mass)
     return {
         "kind": "pushes of a real robot",
-        "sources": [
-            {"path": str(path), "sha256": hashlib.sha256(read_regular(path)).hexdigest()}
-            for path in found.paths
-        ],
+        "sources": [{"path": str(path), "sha256": _digest(path)} for path in found.paths],
         "notes": list(found.notes),
         "mass": "as stated" if stated.all() else f"nominal where not stated: {options.mass} kg",
     }
+
+
+def _digest(path: Path) -> str:
+    """Return the SHA-256 of a file, or of all in the folder of a bag, however large."""
+    digest = hashlib.sha256()
+    for file in sorted(path.iterdir()) if path.is_dir() else (path,):
+        with open_regular(file) as content:
+            while block := content.read(1 << 20):
+                digest.update(block)
+    return digest.hexdigest()
 
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:

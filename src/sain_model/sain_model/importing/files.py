@@ -25,8 +25,8 @@ from sain_core.scene import unit
 from sain_core.shapes.library import get_shape
 from sain_core.shapes.outlines import BodyOutline, StatedBodies, read_stated
 from sain_core.types import Mask
+from sain_model.importing.pose_bags import METADATA, PoseTopics, read_pose_bag
 from sain_model.importing.pose_bags import SUFFIXES as BAGS
-from sain_model.importing.pose_bags import PoseTopics, read_pose_bag
 from sain_model.importing.real_pushes import (
     FOUND_AT,
     LONGEST_TEXT,
@@ -380,7 +380,7 @@ def read_recordings(
         elif form_of(path) == CSV:
             read[path], of_file = read_csv(path, degrees)
             notes += of_file
-        elif form_of(path) in BAGS:
+        elif form_of(path) in BAGS or is_bag(path):
             read[path], of_file = read_pose_bag(path, topics)
             notes += of_file
     pushes = joined([read[path] for path in found])
@@ -414,6 +414,11 @@ def _outlines_beside(path: Path) -> Path | None:
     return next(iter(beside), None)
 
 
+def is_bag(path: Path) -> bool:
+    """Return whether a path is a folder that is one bag of ROS 2."""
+    return (path / METADATA).is_file()
+
+
 def form_of(path: Path) -> str:
     """Return the suffix of a file, in lower case."""
     return path.suffix.lower()
@@ -427,6 +432,9 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     for path in paths:
         if not path.exists():
             raise DatasetError(f"{path} does not exist; {FOUND_AT}")
+        if is_bag(path):
+            found.append(path)
+            continue
         if not path.is_dir():
             if form_of(path) not in SUFFIXES:
                 packed = "unpack it first; " if form_of(path) in PACKED else ""
@@ -436,7 +444,7 @@ def _find(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
             found.append(path)
             continue
         inside = [file for file in sorted(path.iterdir()) if file.name.lower() not in BESIDE]
-        pushes = [file for file in inside if form_of(file) in SUFFIXES]
+        pushes = [file for file in inside if form_of(file) in SUFFIXES or is_bag(file)]
         found += (own := [one for one in pushes if form_of(one) != NPZ or is_published(one)])
         if not pushes:
             raise DatasetError(f"{path} holds no {', '.join(SUFFIXES)}; {FOUND_AT}")
