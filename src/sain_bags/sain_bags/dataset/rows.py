@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from sain_bags.dataset.formats import VIDEOS, FormatName
 from sain_bags.reading.reader import Bag
-from sain_bags.rows.images import NEVER, Cameras
+from sain_bags.rows.images import NEVER, USUAL, Cameras
 from sain_bags.rows.latched import Latched
 from sain_bags.rows.results import OK, ResultReader, Results
 from sain_bags.rows.topics import BODIES, GOAL, PUSH, PUSH_RESULT, STROKE, WORLD, topics_of
@@ -66,7 +66,7 @@ class ConversionConfig(Config):
         False, "keep also pushes before or after which something still moved"
     )
     images: str = option(
-        "image_raw",
+        USUAL,
         "colour images that become videos (LeRobot only): topics that end so, with commas between,"
         " or so and /compressed; none: empty",
     )

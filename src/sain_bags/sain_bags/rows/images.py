@@ -3,8 +3,9 @@
 Which image that is follows from the times in the file's indexes; only these images are unpacked.
 """
 
+from collections.abc import Callable
 from io import BytesIO
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import PIL.Image
@@ -25,12 +26,15 @@ JPEG: Final = "/compressed"  # ends the topics of compressed images
 CHANNELS: Final = {"rgb8": (0, 1, 2), "bgr8": (2, 1, 0), "rgba8": (0, 1, 2), "bgra8": (2, 1, 0),
                    "mono8": (0, 0, 0), "8UC1": (0, 0, 0)}  # fmt: skip
 SIZES: Final = {"rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}  # [bytes] of a pixel, by default 3
+DEPTHS: Final = ("16UC1", "32FC1", "mono16", "I", "I;16", "I;16B", "F")  # also modes of Pillow
+USUAL: Final = "image_raw"  # how topics of images end by default
 OLDEST: Final = 1_000_000_000  # [ns], an image before a push: an older one may show another scene
 BAD_CONTENT: Final = (
     ValueError, TypeError, LookupError, OSError, PIL.Image.DecompressionBombError, DatasetError,
 )  # fmt: skip
 NEVER: Final = -1  # there is no such image
 
+T = TypeVar("T")
 Colour = UInt8[ndarray, "height width 3"]
 _store: Final = get_typestore(Stores.ROS2_JAZZY)
 
@@ -54,21 +58,30 @@ class ImageTopic:
 
     def at(self, time: int) -> Colour:
         """Return the image that was received at this time; raises `DatasetError`."""
-        data = self._bag.message_at(self._places[int(np.searchsorted(self.times, time))])
+        read = _compressed if self._topic.type == COMPRESSED else _raw
+        return self._read(int(np.searchsorted(self.times, time)), read)
+
+    @property
+    def is_coloured(self) -> bool:
+        """Whether its first image has colours, or greys; no depths. Raises `DatasetError`."""
+        return self._read(0, _encoding) not in DEPTHS
+
+    def _read(self, number: int, read: Callable[[Any], T]) -> T:
+        """Return what is read of the image of a number; raises `DatasetError`."""
         try:
-            message: Any = _store.deserialize_cdr(data, self._topic.type)
-            return _compressed(message.data) if self._topic.type == COMPRESSED else _raw(message)
+            data = self._bag.message_at(self._places[number])
+            return read(_store.deserialize_cdr(data, self._topic.type))
         except BAD_CONTENT as error:
             where = f"{self._bag.path}: an image of {self._topic.name}"
             raise DatasetError(f"{where} is not read: {error}") from error
 
-    @property
-    def is_coloured(self) -> bool:
-        """Whether its first image has colours, or greys; no depths."""
-        if self._topic.type == COMPRESSED:
-            return True
-        first: Any = _store.deserialize_cdr(self._bag.message_at(self._places[0]), RAW)
-        return first.encoding in CHANNELS
+
+def _encoding(message: Any) -> str:
+    """Return how an image is encoded; of one that is compressed, its mode."""
+    if hasattr(message, "encoding"):
+        return str(message.encoding)
+    with PIL.Image.open(BytesIO(message.data.tobytes())) as image:
+        return image.mode
 
 
 def _raw(message: Any) -> Colour:
@@ -85,8 +98,8 @@ def _raw(message: Any) -> Colour:
     return np.ascontiguousarray(pixels.reshape(height, width, size)[..., CHANNELS[encoding]])
 
 
-def _compressed(data: ndarray) -> Colour:
-    with PIL.Image.open(BytesIO(data.tobytes())) as image:
+def _compressed(message: Any) -> Colour:
+    with PIL.Image.open(BytesIO(message.data.tobytes())) as image:
         return np.asarray(image.convert("RGB"))
 
 
@@ -113,17 +126,34 @@ class Cameras:
 
 
 def _find(bag: Bag, namespace: str, names: str) -> dict[str, ImageTopic]:
-    ends = tuple(f"/{name}" for name in names.split(",") if name)
+    """Return the topics of colour images, by column; of one image in two forms the raw one.
+
+    Raises `DatasetError`: a name that was given is of none, two have one column, or one is not
+    read.
+    """
+    ends = {f"/{name.strip().strip('/')}" for name in names.split(",") if name.strip()}
     others = {f"{other}/" for other in namespaces(bag)} - {f"{namespace}/"}
-    found: dict[str, ImageTopic] = {}
-    for topic in sorted(bag.topics, key=lambda one: one.name):  # raw ones come first
-        plain = topic.name.removesuffix(JPEG)
-        is_image = topic.type in (RAW, COMPRESSED) and topic.messages and plain.endswith(ends)
-        if not is_image or topic.name.startswith(tuple(others)):
+    images = [
+        (topic.name.removesuffix(JPEG), topic)
+        for topic in sorted(bag.topics, key=lambda one: one.name)  # raw ones come first
+        if topic.type in (RAW, COMPRESSED) and topic.messages
+        and not topic.name.startswith(tuple(others))
+    ]  # fmt: skip
+    lacking = [end for end in sorted(ends) if not any(plain.endswith(end) for plain, _ in images)]
+    if lacking and names != USUAL:
+        has = ", ".join(plain for plain, _ in images) or "none"
+        raise DatasetError(f"{bag.path} has no images that end in {lacking[0]}; it has {has}")
+    found, plains = dict[str, ImageTopic](), dict[str, str]()
+    for plain, topic in images:
+        one = ImageTopic(bag, topic)
+        if not plain.endswith(tuple(ends)) or not one.is_coloured:
             continue
-        end = next(end for end in ends if plain.endswith(end))
-        parts = plain.removesuffix(end).removeprefix(namespace).strip("/").split("/")
-        images = ImageTopic(bag, topic)
-        if images.is_coloured:
-            found.setdefault(IMAGES + ("_".join(filter(None, parts)) or "camera"), images)
+        parts = plain.removeprefix(namespace).strip("/").split("/")[:-1]
+        key = IMAGES + ("_".join(parts) or "camera")
+        if plains.setdefault(key, plain) != plain:
+            raise DatasetError(
+                f"{bag.path}: {plains[key]} and {plain} would both be {key}; name one of them:"
+                " --images"
+            )
+        found.setdefault(key, one)
     return found

@@ -149,6 +149,14 @@ def test_images_that_no_video_can_have_are_named(record: Any, tmp_path: Path) ->
     with pytest.raises(DatasetError, match=f"small has {KEY}, .*blind has no images"):
         to("lerobot", [small, blind], tmp_path / "out")
     assert to("npz", [small, blind], tmp_path / "npz")
+    for names in ("image_raw, image_color", "/sain/camera/color/other"):
+        named = ConversionConfig(format="lerobot", images=names)
+        has = f"has no images that end in /.*; it has {COLOUR}, {DEPTH}"
+        with pytest.raises(DatasetError, match=has):
+            convert([small], tmp_path / "named", named)
+    whole = ConversionConfig(format="lerobot", images=COLOUR)
+    convert([small], tmp_path / "named", whole)
+    assert [*(tmp_path / "named").glob(f"videos/{KEY}/*/*.mp4")]
 
 
 def test_a_video_that_is_missing_is_made_again_and_no_other_file_is_touched(
