@@ -109,7 +109,10 @@ def main() -> int:
 
 def play_all(options: Options, found: dict[str, Any], path: Path, console: Console) -> None:
     """Play the episodes without results: the first of each factor, then the second."""
-    names = options.factors or (NONE, *_example().factors(), ALL_DISK, ALL)
+    known = (NONE, *_example().factors(), ALL_DISK, ALL)
+    if others := set(options.factors) - set(known):
+        raise ConfigError(f"factors are {', '.join(others)}; allowed: {'; '.join(known)}")
+    names = options.factors or known
     done = {(row["factor"], row["see"], row["seed"]) for row in found["episodes"]}
     jobs = [
         (name, see, seed)

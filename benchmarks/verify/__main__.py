@@ -39,7 +39,7 @@ OTHERWISE: Final = "no sample is drawn of it; see the commands of the page"
 
 
 def verify(options: VerifyOptions, console: Console) -> int:
-    """Measure, print what is outside and what was not measured; 1: a figure is outside."""
+    """Measure, print what is outside and what was not measured; 1: a figure is outside, or none is measured."""
     pairs, missing, seconds = samples.Pairs(), list[str](), dict[str, float]()
     for name in options.only:
         start, take = perf_counter(), getattr(samples, name)
@@ -64,7 +64,7 @@ def verify(options: VerifyOptions, console: Console) -> int:
     ], **lists})  # fmt: skip
     show(judged, lists, console)
     console.print(f"{sum(seconds.values()):.0f} s; {path}", highlight=False)
-    return int(not all(one.inside for one in judged))
+    return int(not judged or not all(one.inside for one in judged))
 
 
 def provenance_of(options: VerifyOptions) -> dict[str, object]:

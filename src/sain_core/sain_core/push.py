@@ -221,7 +221,11 @@ def push_of(action: Any, last: int, limits: PushLimits = PushLimits()) -> PushAr
     Raises `InvalidInputError`: no array of numbers, another shape, NaN or Inf;
     `OutOfRangeError`: a number outside its range.
     """
-    given, (low, high) = np.asarray(action), action_ranges(last, limits)
+    low, high = action_ranges(last, limits)
+    try:
+        given = np.asarray(action)
+    except (TypeError, ValueError, RuntimeError) as error:  # ragged, or a tensor that is no array
+        raise InvalidInputError(f"the action is no array of numbers: {error}") from error
     if given.dtype.kind not in "fiu" or given.shape != low.shape:
         raise InvalidInputError(
             f"the action is an array of {given.dtype} with shape {given.shape}; needed:"

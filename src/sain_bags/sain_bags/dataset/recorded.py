@@ -6,6 +6,7 @@ of outlines in single precision; the bag's custom data states them as the data s
 
 import json
 import os
+import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -77,13 +78,17 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
     topics = [messages.topic(name, kind, _offered(kind)) for kind, name in TOPICS.items()]
     about = {OUTLINES_KEY: json.dumps(read_json(outlines))} if outlines.exists() else {}
     count = sum(len(shard[Column.EPISODE]) for shard in shards)
-    with BagWriter(out, custom_data=about) as writer:
-        for topic in topics:
-            writer.add_topic(topic)
-        recorder = _Recorder(writer, messages)
-        for number, row in enumerate(_in_order(shards), start=1):
-            recorder.push(number, row)
-            progress(number, count)
+    try:
+        with BagWriter(out, custom_data=about) as writer:
+            for topic in topics:
+                writer.add_topic(topic)
+            recorder = _Recorder(writer, messages)
+            for number, row in enumerate(_in_order(shards), start=1):
+                recorder.push(number, row)
+                progress(number, count)
+    except BaseException:  # also Ctrl-C: a part would look like the whole
+        shutil.rmtree(out)
+        raise
     return count
 
 

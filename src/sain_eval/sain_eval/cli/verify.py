@@ -22,7 +22,7 @@ class VerifyOptions(Config):
     """Measure a sample of the published figures again, with new seeds, beside what pages state.
 
     Half an hour on two cores. It prints the figures that are outside, and those that it does not
-    measure, with the reason; exit code 1: a figure is outside.
+    measure, with the reason; exit code 1: a figure is outside, or none is measured.
     """
 
     share: float = option(

@@ -122,8 +122,10 @@ class TimedCall:
 def _run(work: Callable[[], Any], future: "Future[Any]") -> None:
     try:
         future.set_result(work())
-    except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
+    except Exception as error:
         future.set_exception(error)
+    except BaseException as error:  # noqa: BLE001 - a policy does not end whoever asks it
+        future.set_exception(ModelUnavailableError(f"it raised {type(error).__name__}: {error}"))
 
 
 def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
