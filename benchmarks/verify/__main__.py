@@ -39,7 +39,7 @@ OTHERWISE: Final = "no sample is drawn of it; see the commands of the page"
 
 
 def verify(options: VerifyOptions, console: Console) -> int:
-    """Measure, print what is outside and what was not measured; 1: a figure is outside, or none is measured."""
+    """Measure, and print what is outside and what was not measured; see `VerifyOptions`."""
     pairs, missing, seconds = samples.Pairs(), list[str](), dict[str, float]()
     for name in options.only:
         start, take = perf_counter(), getattr(samples, name)

@@ -84,6 +84,11 @@ def test_other_tools_and_the_page_read_it(imported, tmp_path):
     assert f"{count} pushes" in printed.getvalue()
 
 
+def _stop(done: int, of: int) -> None:
+    if done == 3:
+        raise KeyboardInterrupt
+
+
 def test_what_cannot_be_recorded_is_named(imported, tmp_path, monkeypatch):
     with pytest.raises(DatasetError, match="holds no shards of a data set; `collect`"):
         write_recording(tmp_path, tmp_path / "bag")
@@ -97,6 +102,9 @@ def test_what_cannot_be_recorded_is_named(imported, tmp_path, monkeypatch):
     (tmp_path / "lacks" / "outlines.json").write_bytes((imported / "outlines.json").read_bytes())
     with pytest.raises(DatasetError, match="lacks step"):
         write_recording(tmp_path / "lacks", tmp_path / "bag")
+    with pytest.raises(KeyboardInterrupt):
+        write_recording(imported, tmp_path / "bag", _stop)
+    assert not (tmp_path / "bag").exists()
     monkeypatch.setenv("AMENT_PREFIX_PATH", "")
     with pytest.raises(InvalidInputError, match=r"no definition of .* is installed; .*\./env"):
         write_recording(imported, tmp_path / "bag")

@@ -1,5 +1,6 @@
 """Answers of a policy that are no pushes: each is refused, counted, and moves nothing."""
 
+import sys
 import time
 
 import numpy as np
@@ -55,6 +56,8 @@ WRONG = [
     (np.array([0.0, np.nan, 0.0, 0.1, 0.2]), "location of the action is nan; must be finite"),
     (np.zeros(4), r"an array of float64 with shape \(4,\); needed: numbers with shape \(5,\)"),
     ("push", "an array of <U4"),
+    ([0.0, [0.1], 0.0], "the action is no array of numbers: .*inhomogeneous"),
+    (lambda: sys.exit("done"), "it raised SystemExit: done"),
     (make_push(4.0, 0.0, 0.1), "location of the action is 4; allowed: -3.14159 to 3.14159"),
     (make_push(0.0, 0.0, 0.4), "length of the action is 0.4; allowed: 0 to 0.15"),
     (make_push(0.0, 0.0, 0.1, body=1), "body of the action is 1; allowed: -0.5 to 0.5"),

@@ -87,7 +87,7 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
                 recorder.push(number, row)
                 progress(number, count)
     except BaseException:  # also Ctrl-C: a part would look like the whole
-        shutil.rmtree(out)
+        shutil.rmtree(out, ignore_errors=True)
         raise
     return count
 

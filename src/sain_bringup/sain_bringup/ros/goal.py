@@ -83,8 +83,6 @@ class GoalSender:
 
     def reach(self, goal: "Goal") -> "Reach.Result":
         """Send a goal, and wait for its end; Ctrl-C cancels it. Raises as `send`."""
-        from sain_core.ros.node_main import spin_until
-
         handle = self.send(goal)
         ended = handle.get_result_async()
         try:

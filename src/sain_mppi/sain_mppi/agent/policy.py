@@ -122,10 +122,10 @@ class TimedCall:
 def _run(work: Callable[[], Any], future: "Future[Any]") -> None:
     try:
         future.set_result(work())
-    except Exception as error:
-        future.set_exception(error)
-    except BaseException as error:  # noqa: BLE001 - a policy does not end whoever asks it
-        future.set_exception(ModelUnavailableError(f"it raised {type(error).__name__}: {error}"))
+    except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
+        ends = not isinstance(error, Exception)  # a policy ends no process that asks it
+        text = f"it raised {type(error).__name__}: {error}"
+        future.set_exception(ModelUnavailableError(text) if ends else error)
 
 
 def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
