@@ -6,6 +6,7 @@ PYTHONPATH=examples/my_policy ./env --with train ros2 run sain_eval evaluate \
 """
 
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -104,8 +105,8 @@ class Cloned(Policy):
 
     features = {STATE: (16,), GOAL: (10,)}  # noqa: RUF012
 
-    def __init__(self, network: Network) -> None:
-        self.network, self.seen, self.asked = network, np.zeros(0), 0
+    def __init__(self, network: Network, version: str) -> None:
+        self.network, self.version, self.seen, self.asked = network, version, np.zeros(0), 0
 
     def select_action(self, observation: Observation) -> np.ndarray:
         """Return the mean of one mode."""
@@ -124,7 +125,7 @@ def load(name: str) -> Policy:
     """Return the policy that was trained last."""
     network = Network()
     network.load_state_dict(torch.load(WEIGHTS, weights_only=True))
-    return Cloned(network.eval())
+    return Cloned(network.eval(), sha256(WEIGHTS.read_bytes()).hexdigest())
 
 
 if __name__ == "__main__":

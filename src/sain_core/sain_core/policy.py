@@ -52,9 +52,12 @@ class Policy(ABC):
     Attributes:
         features: shapes of the observations that it takes; empty: all but an image, of any number
             of bodies.
+        version: what tells apart what was trained, such as a SHA-256 of the weights: evaluations
+            of another are not continued.
     """
 
     features: Shapes = ANY
+    version = ""
 
     @abstractmethod
     def select_action(self, observation: Observation) -> Any:

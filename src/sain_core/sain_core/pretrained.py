@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import warnings
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
@@ -64,6 +65,8 @@ class LeRobotPolicy(Policy):
             push = f"{(PUSH_SIZE,)}, a push: {', '.join(PUSH_NAMES)}"
             raise ConfigError(f"policy {folder} has actions of shape {shape}; allowed: {push}")
         _check_data_set(folder)
+        weights = folder / "model.safetensors"
+        self.version = sha256(weights.read_bytes()).hexdigest() if weights.is_file() else ""
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
         self.features = {k: s[1:] + s[:1] if k == IMAGE else s for k, s in shapes.items()}
         self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)

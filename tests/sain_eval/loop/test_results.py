@@ -79,6 +79,8 @@ def test_a_journal_goes_on_where_it_was_also_after_a_crash(records, tmp_path):
         assert journal.path.read_text() == whole
     with pytest.raises(OutputError, match="made with another tolerances"):
         Journal(tmp_path, {"tolerances": (0.02,)})
+    with pytest.raises(OutputError, match="made with another version of planar"):
+        Journal(tmp_path, SETTINGS, versions={"planar": "trained again", "sain": "new"})
     for line in ("no json\n", '{"other": 1}\n'):
         journal.path.write_text(line)
         with pytest.raises(OutputError, match="is damaged"):

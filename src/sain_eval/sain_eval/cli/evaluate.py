@@ -17,7 +17,7 @@ from sain_core.provenance import ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import agent_maker
+from sain_eval.loop.closed_loop import agent_maker, version_of
 from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
 from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
@@ -152,9 +152,11 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
         check_scenario(name, options.outlines)
     pictures = [one.picture.name for one in jobs_of(options, set()) if one.picture]
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
-    journal = Journal(options.out, options.settings(), options.overwrite)
+    names = _split(options.controllers, "controllers")
+    versions = {name: version_of(name) for name in names}
+    journal = Journal(options.out, options.settings(), options.overwrite, versions)
     compile_visibly(console)  # neither the first plan nor each worker
-    for name in _split(options.controllers, "controllers"):
+    for name in names:
         agent_maker(name, options.agent, options.belief)  # a bad one should not wait for its scene
     jobs = jobs_of(options, journal.done)
     keep_records(run_jobs(jobs, options), len(jobs), journal, console)

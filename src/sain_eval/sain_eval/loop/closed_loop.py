@@ -11,7 +11,7 @@ import numpy as np
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.model import as_observed, load_dynamics
-from sain_core.policy import POLICY
+from sain_core.policy import POLICY, load_policy
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_core.types import PushArray, Scene
@@ -192,6 +192,17 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
         model = model.with_belief(Path(belief))
     model = as_observed(model, config.estimator.unknown)
     return lambda scene: planning_agent(model, physics, config)
+
+
+def version_of(name: str) -> str:
+    """Return what tells apart the versions of a controller of this name; "": it has none.
+
+    Raises as `agent_maker`.
+    """
+    if name.startswith(POLICY):
+        return load_policy(name.removeprefix(POLICY)).version
+    model = None if not name or name in (*BASELINES, ORACLE) else load_dynamics(name)
+    return str(getattr(getattr(model, "origin", None), "model_hash", ""))
 
 
 def _true_physics(scene: ScenarioScene) -> "PlanarPrior":

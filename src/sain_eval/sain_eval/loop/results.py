@@ -2,11 +2,12 @@
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 from math import isnan
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Final, get_type_hints
 
 import numpy as np
@@ -60,6 +61,7 @@ class SceneRecord:
     most_goals: int = 1  # that the scene has
     within: str = ""  # what counts as success, where it is not the tolerance
     seconds: float = 0.0  # of the world, that these pushes took
+    version: str = ""  # of the controller's model or policy, such as its SHA-256
 
     @property
     def tipped(self) -> bool:
@@ -242,13 +244,20 @@ class Journal:
     The first line holds the settings. A last line cut off by a crash is dropped.
     """
 
-    def __init__(self, folder: Path, settings: dict[str, Any], overwrite: bool = False) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        settings: dict[str, Any],
+        overwrite: bool = False,
+        versions: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         """Open the journal in a folder. `add` makes or replaces it.
 
-        With `overwrite`, one of other settings, or a damaged one, is begun anew.
-        Raises `OutputError`: it was kept with other settings, is damaged or cannot be written.
+        With `overwrite`, one of other settings or versions of controllers, or a damaged one, is
+        begun anew.
+        Raises `OutputError`: it was kept with others, is damaged or cannot be written.
         """
-        self.path = folder / JOURNAL_FILE
+        self.path, self._versions = folder / JOURNAL_FILE, versions
         self.records: list[SceneRecord] = []
         self._first: dict[str, Any] | None = None  # line that is written with the first episode
         try:
@@ -268,6 +277,10 @@ class Journal:
         if self._first is not None:
             write_whole(self.path, (json.dumps(self._first) + "\n").encode())
             self._first = None
+        records = [
+            dataclasses.replace(one, version=self._versions.get(one.controller, ""))
+            for one in records
+        ]
         append_json(self.path, [dataclasses.asdict(record) for record in records])
         self.records += records
 
@@ -282,6 +295,12 @@ class Journal:
             differing = [k for k in {*kept, *settings} if kept.get(k) != settings.get(k)]
             episodes = [parse_json(line) for line in lines[1:]]
             self.records = [record_of(item) for episode in episodes for item in episode]
+            changed = {
+                one.controller
+                for one in self.records
+                if one.version != self._versions.get(one.controller, one.version)
+            }
+            differing += [f"version of {name}" for name in changed]
         except (ValueError, KeyError, TypeError, AttributeError) as error:
             if not overwrite:
                 raise OutputError(
