@@ -48,3 +48,10 @@ class Blank(Policy):
 
 def blank(name: str) -> Policy:
     return Blank()
+
+
+def of_numbers(name: str) -> Policy:
+    """Return a policy whose shapes are none."""
+    policy = of_images(name)
+    policy.features = {"observation.state": [16]}  # type: ignore[dict-item]
+    return policy

@@ -33,6 +33,13 @@ def prefix(tmp_path, monkeypatch):
     return tmp_path
 
 
+def test_a_policy_in_a_folder_that_is_a_number_is_no_number(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "20261130").mkdir()
+    commands = graph_commands(GraphOptions(policy="20261130"), [], tmp_path)
+    assert f"policy:={tmp_path}/20261130" in commands["planner"]
+
+
 def test_commands_say_it_all(prefix, tmp_path):
     parameters = tmp_path / "p.yaml"
     parameters.write_text("mppi_node: {ros__parameters: {}}")

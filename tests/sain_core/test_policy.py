@@ -46,6 +46,7 @@ def test_what_is_observed_has_the_names_of_the_data_sets():
             ConfigError,
             r"observes observation.images.wrist .* there are",
         ),
+        ("tests.policies:of_numbers", ConfigError, "needed: shapes, tuples of whole numbers"),
         ("./nowhere", CheckpointError, "nowhere holds no config.json; give the folder"),
     ],
 )

@@ -268,7 +268,8 @@ def graph_commands(options: GraphOptions, ros: Sequence[str], states: Path) -> d
     planner = {**_tool_radius(options), **_named("estimator", options.observed), **clock}
     planner |= {"dynamics": "service", "seed": str(options.seed)}
     if options.policy:
-        planner["policy"] = options.policy
+        folder = Path(options.policy)  # one named 20261130 would be a number
+        planner["policy"] = str(folder.absolute()) if folder.is_dir() else options.policy
     commands[PLANNER] = node("sain_mppi", "mppi_node", planner)
     return commands
 

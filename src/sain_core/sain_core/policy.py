@@ -99,6 +99,10 @@ def load_policy(name: str) -> Policy:
         wrong = f"{entry.value} returned a {type(policy).__name__}; a policy inherits from"
         wrong += " sain_core.policy.Policy and implements select_action(observation)"
         raise POLICIES.wrong(entry, wrong, name)
+    shapes = policy.features.values() if isinstance(policy.features, Mapping) else (None,)
+    if not all(isinstance(one, tuple) and all(isinstance(n, int) for n in one) for one in shapes):
+        wrong = f"its features are {policy.features!r}; needed: shapes, tuples of whole numbers, by"
+        raise POLICIES.wrong(entry, f"{wrong} key", name)
     check_features(name, policy.features)
     return policy
 
