@@ -27,7 +27,7 @@ from sain_lab.storage.laboratory import Laboratory
 STOPPED: Final = 10.0  # [s]
 LEARNING: Final = (LEARNER, MODEL)  # processes that are struck while a learner is at work
 KINDS: Final = ("kill", "stop", "policy", "messages", "files", "arm")
-POLICY: Final = "benchmarks.faults.straight:make"
+POLICY: Final = "tests.policies:straight"
 
 
 @dataclass(frozen=True)

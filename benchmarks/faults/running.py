@@ -137,7 +137,7 @@ class Graph:
 def own_domain() -> Iterator[None]:
     """Use a domain that nobody else uses: not even processes that were killed a moment ago.
 
-    Its nodes can import policies of this package.
+    Its nodes can import policies of the tests.
     """
     path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
     with (

@@ -33,7 +33,7 @@ def prefix(tmp_path, monkeypatch):
     return tmp_path
 
 
-def test_a_policy_in_a_folder_that_is_a_number_is_no_number(tmp_path, monkeypatch):
+def test_a_policy_in_a_folder_that_is_a_number_is_no_number(prefix, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "20261130").mkdir()
     commands = graph_commands(GraphOptions(policy="20261130"), [], tmp_path)
