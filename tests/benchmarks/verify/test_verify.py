@@ -6,6 +6,7 @@ import subprocess
 
 import pytest
 
+from benchmarks.faults.running import PARTS
 from benchmarks.verify.judging import Measured, judge
 from benchmarks.verify.pages import (
     ROOT,
@@ -22,7 +23,6 @@ from benchmarks.verify.samples import (
     BODIES,
     FAULTS,
     MODEL,
-    PARTS,
     PUSHT,
     REAL,
     RESULTS,

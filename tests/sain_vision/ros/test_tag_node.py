@@ -1,14 +1,20 @@
 """From images on topics to a scene; and what is wrong with a camera is said, and nothing sent."""
 
+import time
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
+from rclpy.node import Node
 from rclpy.parameter import Parameter
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import Image, RegionOfInterest
 
 from sain_core import wire
 from sain_core.errors import ConfigError
+from sain_core.ros.node_main import executor_of, ros_context, steady_timer
 from sain_mppi.ros.mppi_node import MppiNode
+from sain_vision.ros.camera_input import CameraInput
 from sain_vision.ros.images import decode_grey
 from sain_vision.ros.scene_node import SceneNode
 from sain_vision.ros.tag_node import TagNode
@@ -137,3 +143,31 @@ def test_rectified_images_are_refused(graph, camera_topics, bodies, picture):
     camera_topics.place()
     text = "image_rect are rectified, and raw ones are needed: K and D are used, not P and R"
     camera_topics.show_until(picture, lambda: camera_topics.says(text), "the diagnostic")
+
+
+@pytest.mark.system
+def test_a_node_that_is_late_with_images_still_gives_signs_of_life(ros_domain, bodies, monkeypatch):
+    """Images come twice as fast as it looks at them: no timer stays in line behind them."""
+    monkeypatch.setattr(CameraInput, "_on_frame", lambda *_: time.sleep(0.1))
+    beats, end = list[float](), time.monotonic() + 8.0
+    with ros_context():
+        node = TagNode(parameter_overrides=[Parameter("bodies", value=bodies)])
+        camera, executor = Node("camera", namespace="sain"), executor_of(TagNode)
+        steady_timer(node, 0.25, lambda: beats.append(time.monotonic()))
+        executor.add_node(node)
+        images = camera.create_publisher(Image, "camera/color/image_raw", 1)
+        message = Image(width=1, height=1, step=1, encoding="mono8", data=[0])
+
+        def film() -> None:
+            while time.monotonic() < end:
+                images.publish(message)
+                time.sleep(0.05)
+
+        with ThreadPoolExecutor(1) as pool:
+            pool.submit(film)
+            while time.monotonic() < end:
+                executor.spin_once(timeout_sec=0.1)
+        node.destroy_node()
+        camera.destroy_node()
+        executor.shutdown()
+    assert len(beats) > 10 and max(np.diff(beats)) < 1.0

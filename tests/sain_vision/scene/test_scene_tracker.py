@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 import pytest
 
+from sain_arm.planning.push_planner import SLOW
 from sain_core.errors import ErrorCode
 from sain_core.scene import VELOCITY, VX
 from sain_core.shapes.bodies import Bodies
@@ -190,6 +191,19 @@ def test_where_an_arm_hides_a_body_in_a_push_nothing_is_at_rest(lab):
     assert not lab.tracker.settled
     assert lab.tracker.scene()[:, VELOCITY].any()  # or else it would be the result of the push
     np.testing.assert_allclose(lab.tracker.scene()[:, :2], lab.poses[:, :2])
+
+
+def test_a_body_that_one_look_of_a_push_does_not_show_may_be_anywhere(lab):
+    lab.tracker.sent(1, *lab.ids, lab.time)
+    for shown in ({0: Observed(START[0])}, {}):
+        lab.time += PERIOD
+        assert lab.tracker.observe(shown, lab.time, lab.time, whole=True)
+        assert lab.tracker.scene()[1, VX] > SLOW  # the arm goes above it
+    lab.look()
+    assert not lab.tracker.scene()[:, VELOCITY].any()
+    lab.time += PERIOD
+    lab.tracker.observe({0: Observed(START[0])}, lab.time, lab.time)  # a topic of that body alone
+    assert not lab.tracker.scene()[:, VELOCITY].any()
 
 
 def test_where_an_arm_hides_all_bodies_in_a_push_they_are_held():

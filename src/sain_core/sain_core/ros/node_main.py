@@ -180,7 +180,8 @@ def executor_of(make_node: Callable[[], Node]) -> Executor:
     """Return an executor for a node: by events, where its class says that it awaits nothing.
 
     By events takes a third of the processor time: the other asks all that a node has at each
-    message. But what awaits, it tries again and again.
+    message. But what awaits, it tries again and again. And each event stays in line: where images
+    come faster than they are looked at, timers come later and later.
     """
     awaits = getattr(make_node, "awaits", True)
     return SingleThreadedExecutor() if awaits else EventsExecutor()

@@ -129,7 +129,7 @@ class SceneNode(Node):
 
     def _on_detections(self, message: Detection3DArray) -> None:
         seen = decode_detections(message, self.bodies, self.config.frame)
-        self._observe(seen, codec.decode_time(message.header.stamp))
+        self._observe(seen, codec.decode_time(message.header.stamp), whole=True)
 
     def _on_poses(self, message: PoseArray) -> None:
         self._check_frame(message)
@@ -173,9 +173,9 @@ class SceneNode(Node):
         seen = {body: Observed(pose) for body, (pose, _) in poses.items()}
         self._observe(seen, min(poses[oldest][1], self.now))
 
-    def _observe(self, seen: dict[int, Observed], stamp: float) -> None:
+    def _observe(self, seen: dict[int, Observed], stamp: float, whole: bool = False) -> None:
         self.trouble = ""
-        if self.tracker.observe(seen, stamp, self.now):
+        if self.tracker.observe(seen, stamp, self.now, whole):
             self._publish()
         self._report()
 

@@ -31,8 +31,6 @@ Found = tuple[Sequence[Sighting], Sequence[str], Callable[[], np.ndarray]]
 class SightingNode(Node):
     """Publishes the bodies that images show."""
 
-    awaits: ClassVar = False
-
     settings: ClassVar[type[CameraInputConfig]]  # its parameters
     what: ClassVar[str]  # it finds, in diagnostics
     topics: ClassVar[tuple[str, str]]  # of images and their calibration

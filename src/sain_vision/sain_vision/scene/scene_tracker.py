@@ -18,6 +18,7 @@ from sain_core.types import Scene
 from sain_vision.scene.body_track import BodyTrack, Covariance, Observed, Pose, TrackingConfig
 
 REMEMBERED = 1000  # answered pushes: answers may come before the pushes
+UNSEEN = 0.05  # [m/s], in a push: faster than an arm takes for all but at rest
 CREEP = 2.0 * SETTLED_SPEED  # [m/s], where rest is not known yet
 RESTLESS = 5.0  # [s] of motion without a push
 FUTURE = "is the camera's clock set, and is use_sim_time the same for all nodes?"
@@ -37,7 +38,7 @@ class SceneTracker:
             for body, shape in enumerate(bodies.bodies.shapes)
         ]
         self._reference: Poses | None = None  # of this scene, at rest
-        self._looked = -np.inf  # the time [s] of the latest look, which may show no body
+        self._looked = -np.inf  # the time [s] of the latest look in a push, whatever it shows
         self._begun = False  # whether this process has begun an episode
         self._jump = ""
         self._age = ""
@@ -85,7 +86,8 @@ class SceneTracker:
     def scene(self) -> Scene:
         """Return the bodies (N, 8) as they were seen last.
 
-        Velocities are 0 where all rest. Otherwise at least one body is faster than at rest.
+        Velocities are 0 where all rest. Otherwise at least one body is faster than at rest. In a
+        push, a body that the latest look does not show may be anywhere: it is called fast.
         """
         poses = np.stack([track.latest for track in self._tracks])
         poses[:, 2] = wrap_angle(poses[:, 2])
@@ -94,16 +96,21 @@ class SceneTracker:
             scene[:, VELOCITY] = [track.velocity() for track in self._tracks]
             if is_settled(scene):
                 scene[0, VX] = CREEP
+        if self._under_way:
+            scene[[track.stamp < self._looked for track in self._tracks], VX] = UNSEEN
         return scene
 
     def estimates(self) -> list[tuple[Pose, Covariance]]:
         """Return where each body is, as a mean of its latest poses, with the covariance of that."""
         return [track.estimate() for track in self._tracks]
 
-    def observe(self, seen: Mapping[int, Observed], stamp: float, now: float) -> bool:
+    def observe(
+        self, seen: Mapping[int, Observed], stamp: float, now: float, whole: bool = False
+    ) -> bool:
         """Take poses of some bodies at a time; return whether they, or that there are none, count.
 
-        One does not where it is old, or of a time before that of the latest.
+        A `whole` look shows all that can be seen, and so does one that shows nothing. One does not
+        count where it is old, or of a time before that of the latest.
         """
         self.began = False
         self._age = self._age_of(stamp, now)
@@ -111,23 +118,18 @@ class SceneTracker:
             return False
         if stamp < self._looked - self._config.max_age:
             self._looked = -np.inf  # whoever sends them began anew
+        looks = (whole or not seen) and self.ready and bool(self._under_way) and stamp > self.stamp
         taken = [self._add(body, one, stamp) for body, one in seen.items()]
+        self._looked = stamp if looks else self._looked
         self._expire(now)
         self.note_time(now)
-        if not any(taken) and not (self._under_way and self._is_all_hidden(seen, stamp)):
+        if not any(taken) and not looks:
             return False
         rests = self._rests and not self._age
         if rests or self._under_way or not self._restless_since:
             self._restless_since = stamp
         if rests and not self._under_way:
             self._rest()
-        return True
-
-    def _is_all_hidden(self, seen: Mapping[int, Observed], stamp: float) -> bool:
-        """Take note of a later look that shows no body; tell whether it does."""
-        if seen or not self.ready or stamp <= self.stamp:
-            return False
-        self._looked = stamp
         return True
 
     def _add(self, body: int, one: Observed, stamp: float) -> bool:
