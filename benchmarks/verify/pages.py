@@ -104,7 +104,7 @@ def share_claims(page: str, root: Path = ROOT) -> dict[tuple[str, str], list[Cla
     found = dict[tuple[str, str], list[Claim]]()
     for table in tables(page, root):
         for row in table.rows:
-            cells = dict(zip(table.header, row, strict=True))
+            cells = dict(zip(table.header, row, strict=False))  # empty ones at the end
             pair = (cells.get("Survived"), cells.get("Tries"))
             share = next(
                 (cells[name] for name in SHARES if name in cells), "/".join(map(str, pair))

@@ -159,7 +159,7 @@ def test_a_folder_of_ros_2_is_one_bag(rows, tmp_path):
         (None, "mine.bag is a bag; give --body-topic, --tool-topic and --body"),
         (
             PoseTopics("/vicon", "/arm/tip", "knee"),
-            r"no topic /vicon; it has /arm/tip \(geometry_msgs",
+            r"no topic /vicon with messages; it has /arm/tip \(geometry_msgs",
         ),
         (PoseTopics("/tf:cup", "/arm/tip", "knee"), "no poses of 'cup' on /tf"),
         (PoseTopics("/tf:knee", "/tf:camera", "knee"), "holds no push: none of 0 ways"),

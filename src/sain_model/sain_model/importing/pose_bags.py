@@ -32,6 +32,7 @@ STILL: Final = np.array([0.002, 0.002, 0.02])  # [m, m, rad] at most; the pose i
 OLD: Final = 0.5  # [s], before a push, when the body must have been seen
 BENDS: Final = 0.002  # [m], from the straight way of a push, at most
 RISES: Final = 0.005  # [m], likewise, in height
+MIDDLE: Final = (0.1, 0.9)  # shares of a way, between which its speed is taken
 LEVEL: Final = 0.02  # [m], of a way off the height of those that move the body
 
 
@@ -73,7 +74,7 @@ def read_pose_bag(path: Path, topics: PoseTopics | None) -> tuple[RealPushes, li
     poses, wrong = _flat(body, topics.body)
     if 2 * len(wrong) > len(body.times):
         raise DatasetError(f"{path}: {len(wrong)} of {len(body.times)} poses: {wrong[0]}")
-    notes = [f"{path}: {len(wrong)} poses are left out: {wrong[0]}"] * bool(wrong)
+    notes = [f"{path}: {len(wrong)} poses are left out: {wrong[0]}"] if wrong else []
     times = body.times[np.isfinite(poses[:, 0])]
     poses = poses[np.isfinite(poses[:, 0])]
     poses[:, 2] = np.unwrap(poses[:, 2])
@@ -84,7 +85,7 @@ def read_pose_bag(path: Path, topics: PoseTopics | None) -> tuple[RealPushes, li
         way, (begin, end) = tool.places[first : last + 1], tool.times[[first, last]]
         before, after = _before(times, poses, begin), _after(times, poses, end, until)
         length = float(np.linalg.norm(way[-1] - way[0]))
-        speed = length / max(end - begin, 1e-9)
+        speed = _speed(tool.times[first : last + 1], way)
         is_push = _is_push(way) and length <= most[LENGTH] and speed <= most[SPEED]
         if is_push and before is not None and after is not None:
             rows.append((before, after, way[0], way[-1], np.array(speed)))
@@ -246,6 +247,13 @@ def _is_push(way: Float[ndarray, "M 3"]) -> bool:
     length = float(np.linalg.norm(along))
     off = np.abs((way[:, :2] - way[0, :2]) @ np.array([-along[1], along[0]])).max()
     return bool(length > BENDS and off <= BENDS * length and np.ptp(way[:, 2]) <= RISES)
+
+
+def _speed(times: Float[ndarray, "M"], way: Float[ndarray, "M 3"]) -> float:
+    """Return the speed [m/s] on the middle of a way, without its ends at rest."""
+    gone = np.maximum.accumulate(np.linalg.norm(way - way[0], axis=1))
+    begin, end = np.interp(np.multiply(MIDDLE, gone[-1]), gone, times)
+    return float((MIDDLE[1] - MIDDLE[0]) * gone[-1] / max(end - begin, 1e-9))
 
 
 def _level(rows: list[tuple[ndarray, ...]]) -> float:
