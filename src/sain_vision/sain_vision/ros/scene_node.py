@@ -120,7 +120,8 @@ class SceneNode(Node):
         return float(self.get_clock().now().nanoseconds * 1e-9)
 
     def _on_push(self, message: Push) -> None:
-        self.tracker.sent(message.push_id, message.episode_id, message.scene_id, self.now)
+        ids = message.push_id, message.episode_id, message.scene_id
+        self.tracker.sent(*ids, self.now, message.body)
 
     def _on_result(self, message: PushResult) -> None:
         end = codec.decode_time(message.header.stamp)

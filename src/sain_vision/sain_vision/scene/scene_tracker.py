@@ -18,6 +18,7 @@ from sain_core.types import Scene
 from sain_vision.scene.body_track import BodyTrack, Covariance, Observed, Pose, TrackingConfig
 
 REMEMBERED = 1000  # answered pushes: answers may come before the pushes
+STIRRED, TURNED = 0.002, 0.02  # [m], [rad], from which on a body was seen to move
 UNSEEN = 0.05  # [m/s], in a push: faster than an arm takes for all but at rest
 CREEP = 2.0 * SETTLED_SPEED  # [m/s], where rest is not known yet
 RESTLESS = 5.0  # [s] of motion without a push
@@ -44,6 +45,7 @@ class SceneTracker:
         self._age = ""
         self._ended = -np.inf  # the time [s] at which the latest push ended
         self._under_way: OrderedDict[int, float] = OrderedDict()  # pushes, and since when
+        self._pushed = 0  # body of the latest push
         self._restless_since = 0.0  # [s]
         self._answered: deque[int] = deque(maxlen=REMEMBERED)
         self.lost = ""  # a push without a result, in words
@@ -87,7 +89,8 @@ class SceneTracker:
         """Return the bodies (N, 8) as they were seen last.
 
         Velocities are 0 where all rest. Otherwise at least one body is faster than at rest. In a
-        push, a body that the latest look does not show may be anywhere: it is called fast.
+        push, its body may be anywhere where the latest look does not show it, and none has shown it
+        elsewhere: it is called fast.
         """
         poses = np.stack([track.latest for track in self._tracks])
         poses[:, 2] = wrap_angle(poses[:, 2])
@@ -96,9 +99,17 @@ class SceneTracker:
             scene[:, VELOCITY] = [track.velocity() for track in self._tracks]
             if is_settled(scene):
                 scene[0, VX] = CREEP
-        if self._under_way:
-            scene[[track.stamp < self._looked for track in self._tracks], VX] = UNSEEN
+        if self._is_pushed_unseen(poses):
+            scene[self._pushed, VX] = UNSEEN
         return scene
+
+    def _is_pushed_unseen(self, poses: Poses) -> bool:
+        """Return whether a push is under way, and its body was seen last where it was before."""
+        body, before = self._pushed, self._reference
+        if not self._under_way or before is None or self._tracks[body].stamp >= self._looked:
+            return False
+        off = poses[body] - before[body]
+        return bool(np.hypot(*off[:2]) < STIRRED and abs(wrap_angle(off[2])) < TURNED)
 
     def estimates(self) -> list[tuple[Pose, Covariance]]:
         """Return where each body is, as a mean of its latest poses, with the covariance of that."""
@@ -169,12 +180,13 @@ class SceneTracker:
             return f"was last seen {now - track.stamp:.1f} s ago; it is held where it was"
         return "has not been seen since the last push" if track else "has not been seen yet"
 
-    def sent(self, push_id: int, episode_id: int, scene_id: int, now: float) -> None:
-        """Take note of a push: until its result, its scene is not settled."""
+    def sent(self, push_id: int, episode_id: int, scene_id: int, now: float, body: int = 0) -> None:
+        """Take note of a push of a body: until its result, its scene is not settled."""
         if (episode_id, scene_id) != (self.episode_id, self.scene_id):
             return  # who executes pushes refuses it
         if push_id not in self._answered and len(self._under_way) < REMEMBERED:
             self._under_way.setdefault(push_id, now)
+            self._pushed = min(body, len(self._tracks) - 1)
 
     def answered(self, push_id: int, code: int, end: float) -> bool:
         """Take note of what became of a push that ended at a time; one that was executed counts.
