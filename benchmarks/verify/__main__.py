@@ -64,7 +64,8 @@ def verify(options: VerifyOptions, console: Console) -> int:
     ], **lists})  # fmt: skip
     show(judged, lists, console)
     console.print(f"{sum(seconds.values()):.0f} s; {path}", highlight=False)
-    return int(not judged or not all(one.inside for one in judged))
+    enough = [one for one in judged if isfinite(one.probability)]
+    return int(not enough or not all(one.inside for one in enough))
 
 
 def provenance_of(options: VerifyOptions) -> dict[str, object]:

@@ -12,6 +12,7 @@ from rosbags.highlevel import AnyReader
 from sain_bags.cli import from_dataset, report
 from sain_bags.dataset.conversion import convert
 from sain_bags.dataset.recorded import write_recording
+from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError, InvalidInputError, OutputError
 from sain_core.push import BAR, SPAN_X
 from sain_core.shapes import library
@@ -20,6 +21,7 @@ from sain_core.transitions import IMPORTED, Column, shard_path
 from sain_model.cli import real_import
 from sain_model.data.dataset import load_dataset
 from tests.definitions import find_own
+from tests.sain_bags.dataset.formats.exported import drive
 from tests.sain_model.importing.recorded import HEADER, PUSHES, simulate, write_csv, write_stated
 
 
@@ -69,6 +71,16 @@ def test_a_recording_of_real_pushes_has_the_same_rows_to_the_bit(imported, tmp_p
     both = [load_dataset(folder) for folder in (imported, tmp_path / "back")]
     for first, second in zip(*(data.parts for data in both), strict=True):
         assert first.bodies == second.bodies
+
+
+def test_a_data_set_without_strokes_has_the_same_rows(record, tmp_path):
+    first = convert([drive(record)], tmp_path / "first", ConversionConfig())
+    assert write_recording(tmp_path / "first", tmp_path / "made") == first.transitions
+    again = convert([tmp_path / "made"], tmp_path / "again", ConversionConfig())
+    assert again.transitions == first.transitions
+    one, other = (read_arrays(shard_path(tmp_path / name, 0)) for name in ("first", "again"))
+    for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE):
+        np.testing.assert_array_equal(one[name], other[name])
 
 
 def test_other_tools_and_the_page_read_it(imported, tmp_path):

@@ -75,11 +75,17 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
             " the format npz write them"
         )
     messages, outlines = MessageMaker(), data / OUTLINES_FILE
-    topics = [messages.topic(name, kind, _offered(kind)) for kind, name in TOPICS.items()]
+    has_strokes = any(shard[Column.ACTION].shape[1] > PUSH_SIZE for shard in shards)
+    topics = [
+        messages.topic(name, kind, _offered(kind))
+        for kind, name in TOPICS.items()
+        if has_strokes or kind != STROKE
+    ]
     about = {OUTLINES_KEY: json.dumps(read_json(outlines))} if outlines.exists() else {}
     count = sum(len(shard[Column.EPISODE]) for shard in shards)
+    bag = BagWriter(out, custom_data=about)
     try:
-        with BagWriter(out, custom_data=about) as writer:
+        with bag as writer:
             for topic in topics:
                 writer.add_topic(topic)
             recorder = _Recorder(writer, messages)

@@ -11,6 +11,7 @@ import numpy as np
 import PIL.Image
 from jaxtyping import UInt8
 from numpy import ndarray
+from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
 
 from sain_bags.mcap.mcap_file import Batch
@@ -31,6 +32,7 @@ USUAL: Final = "image_raw"  # how topics of images end by default
 OLDEST: Final = 1_000_000_000  # [ns], an image before a push: an older one may show another scene
 BAD_CONTENT: Final = (
     ValueError, TypeError, LookupError, OSError, PIL.Image.DecompressionBombError, DatasetError,
+    SerdeError,
 )  # fmt: skip
 NEVER: Final = -1  # there is no such image
 
@@ -132,7 +134,7 @@ def _find(bag: Bag, namespace: str, names: str) -> dict[str, ImageTopic]:
     read.
     """
     ends = {f"/{name.strip().strip('/')}" for name in names.split(",") if name.strip()}
-    others = {f"{other}/" for other in namespaces(bag)} - {f"{namespace}/"}
+    others = {f"{other}/" for other in namespaces(bag) if other} - {f"{namespace}/"}
     images = [
         (topic.name.removesuffix(JPEG), topic)
         for topic in sorted(bag.topics, key=lambda one: one.name)  # raw ones come first
@@ -145,8 +147,7 @@ def _find(bag: Bag, namespace: str, names: str) -> dict[str, ImageTopic]:
         raise DatasetError(f"{bag.path} has no images that end in {lacking[0]}; it has {has}")
     found, plains = dict[str, ImageTopic](), dict[str, str]()
     for plain, topic in images:
-        one = ImageTopic(bag, topic)
-        if not plain.endswith(tuple(ends)) or not one.is_coloured:
+        if not plain.endswith(tuple(ends)) or not (one := ImageTopic(bag, topic)).is_coloured:
             continue
         parts = plain.removeprefix(namespace).strip("/").split("/")[:-1]
         key = IMAGES + ("_".join(parts) or "camera")

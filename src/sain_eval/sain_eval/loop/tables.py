@@ -149,6 +149,6 @@ def show_failures(records: Sequence[SceneRecord], path: Path, console: Console) 
     if lines:
         console.print(f"\nFailures ({len(lines)}):", highlight=False)
     for line in lines[:MOST_FAILURES]:
-        console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+        console.print(f"  {line}", markup=False, highlight=False, emoji=False, soft_wrap=True)
     if len(lines) > MOST_FAILURES:
         console.print(f"  and {len(lines) - MOST_FAILURES} more in {path}", markup=False)

@@ -130,7 +130,8 @@ def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
 def _digest(path: Path) -> str:
     """Return the SHA-256 of a file, or of all in the folder of a bag, however large."""
     digest = hashlib.sha256()
-    for file in sorted(path.iterdir()) if path.is_dir() else (path,):
+    inside = filter(Path.is_file, sorted(path.iterdir())) if path.is_dir() else (path,)
+    for file in inside:
         with open_regular(file) as content:
             while block := content.read(1 << 20):
                 digest.update(block)

@@ -416,7 +416,9 @@ def _outlines_beside(path: Path) -> Path | None:
 
 def is_bag(path: Path) -> bool:
     """Return whether a path is a folder that is one bag of ROS 2."""
-    return (path / METADATA).is_file()
+    return (path / METADATA).is_file() and any(
+        suffix in one.name for one in path.iterdir() for suffix in BAGS
+    )
 
 
 def form_of(path: Path) -> str:

@@ -95,7 +95,7 @@ def read_pose_bag(path: Path, topics: PoseTopics | None) -> tuple[RealPushes, li
         raise DatasetError(
             f"{path} holds no push: none of {len(runs)} ways of {topics.tool} is straight within"
             f" {1e3 * BENDS:g} mm and level within {1e3 * RISES:g} mm, with {topics.body} seen at"
-            " rest before and after it"
+            " rest before it, and elsewhere after it"
         )
     if others := len(runs) - len(pushes):
         notes.append(f"{path}: {others} ways of the tool are no pushes")
@@ -237,16 +237,19 @@ def _runs(tool: Track) -> list[tuple[int, int]]:
     moves = np.flatnonzero(np.linalg.norm(later - earlier, axis=1) > 2.0 * HALF * STANDS)
     if not len(moves):
         return []
-    breaks = np.flatnonzero(np.diff(tool.times[moves]) > PAUSE)
+    stops = max(PAUSE, 2.5 * float(np.median(np.diff(tool.times))))  # also of a slow tracker
+    breaks = np.flatnonzero(np.diff(tool.times[moves]) > stops)
     return list(zip(moves[[0, *breaks + 1]].tolist(), moves[[*breaks, -1]].tolist(), strict=True))
 
 
 def _is_push(way: Float[ndarray, "M 3"]) -> bool:
-    """Return whether a way of the tool is straight and level."""
+    """Return whether a way of the tool is straight, level, and goes back nowhere."""
     along = way[-1, :2] - way[0, :2]
     length = float(np.linalg.norm(along))
     off = np.abs((way[:, :2] - way[0, :2]) @ np.array([-along[1], along[0]])).max()
-    return bool(length > BENDS and off <= BENDS * length and np.ptp(way[:, 2]) <= RISES)
+    gone = (way[:, :2] - way[0, :2]) @ along
+    back = (np.maximum.accumulate(gone) - gone).max()
+    return bool(length > BENDS and max(off, back) <= BENDS * length and np.ptp(way[:, 2]) <= RISES)
 
 
 def _speed(times: Float[ndarray, "M"], way: Float[ndarray, "M 3"]) -> float:
@@ -257,9 +260,12 @@ def _speed(times: Float[ndarray, "M"], way: Float[ndarray, "M 3"]) -> float:
 
 
 def _level(rows: list[tuple[ndarray, ...]]) -> float:
-    """Return the height [m] of the ways that move the body, or of all if none does."""
-    moved = [row for row in rows if (np.abs(row[1] - row[0]) > STILL).any()] or rows
-    return float(np.median([row[2][2] for row in moved])) if moved else np.nan
+    """Return the least height [m] of ways that move the body: a hand may move it meanwhile, too.
+
+    NaN: none does.
+    """
+    moved = [row for row in rows if (np.abs(row[1] - row[0]) > STILL).any()]
+    return float(min((row[2][2] for row in moved), default=np.nan))
 
 
 def _before(times: ndarray, poses: ndarray, begin: float) -> ndarray | None:

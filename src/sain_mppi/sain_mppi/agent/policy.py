@@ -35,10 +35,13 @@ class PolicyDecider(Decider):
         trouble: as `Decider` has it.
     """
 
-    def __init__(self, policy: Policy, name: str, config: AgentConfig) -> None:
+    def __init__(
+        self, policy: Policy, name: str, config: AgentConfig, call: "TimedCall | None" = None
+    ) -> None:
+        """Ask a policy; who shares it shares the `call`, too: it is asked one at a time."""
         self._policy, self._name, self._config = policy, name, config
         self._session: int | None = None
-        self._call = TimedCall()
+        self._call = call or TimedCall()
         self.refused, self.refusal, self.trouble = 0, "", ""
 
     @property
@@ -134,4 +137,5 @@ def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
     Raises `ConfigError` and `CheckpointError`: see `sain_core.policy.load_policy`.
     """
     policy = load_policy(name)
-    return lambda: Agent(PolicyDecider(policy, name, config), config)
+    call = TimedCall()
+    return lambda: Agent(PolicyDecider(policy, name, config, call), config)
