@@ -107,7 +107,8 @@ def load(name: str) -> LeRobotPolicy:
 def _check_data_set(folder: Path) -> None:
     """Check what the data set that a policy was trained on states, where it is still there."""
     training = folder / "train_config.json"  # of LeRobot's own command
-    root = json.loads(training.read_text())["dataset"]["root"] if training.is_file() else None
+    trained = json.loads(training.read_text()) if training.is_file() else {}
+    root = (trained.get("dataset") or {}).get("root")
     about = Path(root or folder) / "meta/info.json"
     if about.is_file():
         features = json.loads(about.read_text())["features"]

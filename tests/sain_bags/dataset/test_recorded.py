@@ -114,6 +114,11 @@ def test_what_cannot_be_recorded_is_named(imported, tmp_path, monkeypatch):
     (tmp_path / "lacks" / "outlines.json").write_bytes((imported / "outlines.json").read_bytes())
     with pytest.raises(DatasetError, match="lacks step"):
         write_recording(tmp_path / "lacks", tmp_path / "bag")
+    uneven = read_arrays(shard_path(imported, 0))
+    uneven[Column.MOVED] = uneven[Column.MOVED][:-1]
+    write_arrays(shard_path(tmp_path / "lacks", 0), uneven)
+    with pytest.raises(DatasetError, match="columns have different numbers of rows"):
+        write_recording(tmp_path / "lacks", tmp_path / "bag")
     with pytest.raises(KeyboardInterrupt):
         write_recording(imported, tmp_path / "bag", _stop)
     assert not (tmp_path / "bag").exists()

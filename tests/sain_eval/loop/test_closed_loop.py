@@ -16,7 +16,7 @@ from sain_core.view.figures import png_of
 from sain_core.world import DivergedError
 from sain_eval.cli.evaluate import EvaluateOptions
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import agent_maker, run_episode
+from sain_eval.loop.closed_loop import agent_maker, run_episode, version_of
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
@@ -215,3 +215,8 @@ def test_a_noisy_episode_reaches_the_goal_in_truth():
 def test_bodies_of_unknown_mass_are_pushed_too():
     unknown = play_seen(unknown="mass", bias="0.001,0.01")
     assert unknown.failure == "" and unknown.final[0, MASS] != NOMINAL_MASS
+
+
+def test_versions_tell_apart_what_was_trained_or_written():
+    assert version_of("null") == version_of("planar") == ""
+    assert len(version_of("sain")) == len(version_of("policy:tests.policies:straight")) == 64

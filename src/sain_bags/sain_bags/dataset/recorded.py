@@ -107,6 +107,8 @@ def _read(path: Path) -> Columns:
     columns = read_arrays(path)
     if missing := [name for name in (*NEEDED, Column.STEP) if name not in columns]:
         raise DatasetError(f"{path} lacks {', '.join(missing)}")
+    if len({len(column) for column in columns.values()} | {0}) != 2:
+        raise DatasetError(f"{path} is empty, or its columns have different numbers of rows")
     try:
         is_stroke(columns[Column.ACTION])
     except InvalidInputError as error:

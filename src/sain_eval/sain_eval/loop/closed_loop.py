@@ -3,6 +3,8 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
+from hashlib import sha256
+from inspect import getsourcefile
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -197,10 +199,13 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
 def version_of(name: str) -> str:
     """Return what tells apart the versions of a controller of this name; "": it has none.
 
-    Raises as `agent_maker`.
+    Of a policy that states none it is the SHA-256 of its source. Raises as `agent_maker`.
     """
     if name.startswith(POLICY):
-        return load_policy(name.removeprefix(POLICY)).version
+        policy = load_policy(name.removeprefix(POLICY))
+        source = getsourcefile(type(policy))
+        own = sha256(Path(source).read_bytes()).hexdigest() if source else ""
+        return policy.version or own
     model = None if not name or name in (*BASELINES, ORACLE) else load_dynamics(name)
     return str(getattr(getattr(model, "origin", None), "model_hash", ""))
 
