@@ -8,7 +8,6 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from math import sqrt
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Final
@@ -24,6 +23,7 @@ from sain_core.errors import ConfigError, SainError
 from sain_core.guarding.documents import read_json
 from sain_core.output import claim_folder, write_json, write_whole
 from sain_core.provenance import git_commit, processor, versions
+from sain_eval.loop.results import wilson_interval
 
 EXAMPLE: Final = Path(__file__).parents[1] / "examples" / "pusht"
 RESULTS: Final = "results.json"
@@ -109,10 +109,10 @@ def main() -> int:
 
 def play_all(options: Options, found: dict[str, Any], path: Path, console: Console) -> None:
     """Play the episodes without results: the first of each factor, then the second."""
-    known = (NONE, *_example().factors(), ALL_DISK, ALL)
-    if others := set(options.factors) - set(known):
-        raise ConfigError(f"factors are {', '.join(others)}; allowed: {'; '.join(known)}")
-    names = options.factors or known
+    allowed = (NONE, *_example().factors(), ALL_DISK, ALL)
+    if unknown := set(options.factors) - set(allowed):
+        raise ConfigError(f"factors are {', '.join(unknown)}; allowed: {'; '.join(allowed)}")
+    names = options.factors or allowed
     done = {(row["factor"], row["see"], row["seed"]) for row in found["episodes"]}
     jobs = [
         (name, see, seed)
@@ -193,22 +193,12 @@ def _order(row: Mapping[str, Any]) -> tuple[int, str]:
 def _line(name: str, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     count = len(rows)
     steps = [row["success"] for row in rows if 0 < row["success"] <= BUDGET]
-    low, high = interval(len(steps), count)
+    _, low, high = wilson_interval(len(steps), count)
     late = sum(row["success"] > 0 for row in rows)
     agreed = sum(row["agreed"] > 0 for row in rows)
     mean = f"{np.mean(steps):.0f}" if steps else "-"
     share = f"{100 * low:.0f} to {100 * high:.0f} %"
     return [name, f"{len(steps)}/{count}", share, mean, f"{late}/{count}", f"{agreed}/{count}"]
-
-
-def interval(hits: int, count: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share (Wilson, 1927)."""
-    z, share = 1.96, hits / count
-    middle, spread = (
-        share + z**2 / (2 * count),
-        z * sqrt((share * (1 - share) + z**2 / (4 * count)) / count),
-    )
-    return (middle - spread) / (1 + z**2 / count), (middle + spread) / (1 + z**2 / count)
 
 
 def _made(found: Mapping[str, Any]) -> str:

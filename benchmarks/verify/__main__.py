@@ -3,7 +3,7 @@
 Values, intervals and sizes are read from the pages. Each is compared with a new sample by a test of
 two samples. *outside*: both are no chance, at 5 % for all figures together (Holm). Figures that are
 not measured are listed with the reason, and so are figures without a command on their page, and
-those that differ from the page that they repeat. The whole sample takes half an hour on two cores.
+those that differ from the page that they repeat.
 """
 
 import hashlib
@@ -26,7 +26,6 @@ from sain_eval import commands
 from sain_eval.cli.verify import RESULT, VerifyOptions
 from sain_model.dynamics.load import load_shipped
 
-SAMPLES: Final = 1000  # that differ; further seeds begin with the first again
 PACKAGES: Final = ("numpy", "scipy", "numba", "pybullet", "mujoco", DISTRIBUTION)
 REPEATS: Final = {  # pages, and those whose figures they repeat
     "README.md": (samples.RESULTS, samples.REAL),
@@ -43,8 +42,7 @@ def verify(options: VerifyOptions, console: Console) -> int:
     pairs, missing, seconds = samples.Pairs(), list[str](), dict[str, float]()
     for name in options.only:
         start, take = perf_counter(), getattr(samples, name)
-        data = options.outlines if name == "anything" else options.data
-        found, left = take(options.share, options.seed % SAMPLES, options.out, console, data)
+        found, left = take(options, console)
         seconds[name] = perf_counter() - start
         pairs, missing = [*pairs, *found], [*missing, *left]
     judged = judge(pairs)

@@ -26,6 +26,7 @@ from sain_core.cli.arguments import read_options
 from sain_core.guarding.documents import read_json
 from sain_core.randomness import Interval, bootstrap_mean, bootstrap_ratio, generator
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate
+from sain_eval.cli.verify import VerifyOptions
 from sain_eval.loop.results import SceneRecord, wilson_interval
 from sain_eval.loop.results_page import CONTROLLER_NAMES
 from sain_eval.loop.tables import tolerance_text
@@ -48,6 +49,7 @@ KILLS: Final = 3  # of each process
 GOALS: Final = 4  # of each of the bodies
 BODIES: Final = ("push_t", "letter_r")
 FIRST: Final = 1_000_000  # seed; those of the pages are below
+SAMPLES: Final = 1000  # that differ; further seeds begin with the first again
 METRES: Final = 1e3
 WORLDS: Final = {
     "Bullet, disks": "disks", "Bullet, feet": "feet", "Bullet, flat": "flat", "`rough`": "rough",
@@ -60,10 +62,14 @@ COMMAND: Final = re.compile(
 Pairs = list[tuple[Claim, Measured]]
 
 
-def loops(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def _of(request: VerifyOptions) -> tuple[float, int, Path]:
+    """Return the share, the seed of a sample, and the folder for what is continued."""
+    return request.share, request.seed % SAMPLES, request.out
+
+
+def loops(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Play new scenes with each command of the page of results."""
+    share, seed, work = _of(request)
     claims, pairs, skipped = solved_claims(RESULTS), Pairs(), list[str]()
     text = (ROOT / RESULTS).read_text(encoding="utf-8")
     for place, found in enumerate(COMMAND.finditer(text)):
@@ -108,13 +114,12 @@ def _scaled(interval: Interval, n: int) -> Measured:
     return Measured(METRES * interval.estimate, n, METRES * interval.low, METRES * interval.high)
 
 
-def real(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def real(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Predict a sample of real pushes; rows that learn do so of all but one of other folds."""
-    if data is None:
+    share, seed, work = _of(request)
+    if request.data is None:
         return [], [f"{REAL}: the data are not given (--data)"]
-    pushes = read_pushes(data, work / "real")
+    pushes = read_pushes(request.data, work / "real")
     claims, pairs = bounded_claims(REAL, "5 folds", "position [mm]"), Pairs()
     fold = five_folds(pushes, FIRST + seed).folds[0]
     chosen = generator(seed, "verify").permutation(fold.test)[: max(round(share * PUSHES), 20)]
@@ -131,10 +136,9 @@ def real(
     return pairs, [f"{one.page}, {one.row}: {why}" for one in claims.values()]
 
 
-def model(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def model(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Collect new episodes in new laboratories, and predict their pushes with the shipped model."""
+    share, seed, work = _of(request)
     claims, pairs = bounded_claims(MODEL, "Accuracy", "ratio of positions"), Pairs()
     shipped, episodes = load_shipped(), max(round(share * EPISODES), 2)
     for number, (world, name) in enumerate(WORLDS.items()):
@@ -148,10 +152,9 @@ def model(
     return pairs, []
 
 
-def faults(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def faults(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Kill each process of a graph; where something is lost, nothing survived."""
+    share, seed, work = _of(request)
     claims, pairs = share_claims(FAULTS), Pairs()
     folder = work / "faults" / str(seed)
     shutil.rmtree(folder, ignore_errors=True)
@@ -162,10 +165,9 @@ def faults(
     return pairs, []
 
 
-def pusht(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def pusht(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Play a new episode of Push-T with each factor."""
+    share, seed, work = _of(request)
     claims, pairs, folder = share_claims(PUSHT), Pairs(), work / "pusht" / str(seed)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / push_t.RESULTS
@@ -181,15 +183,14 @@ def pusht(
     return pairs, []
 
 
-def anything(
-    share: float, seed: int, work: Path, console: Console, data: Path | None
-) -> tuple[Pairs, list[str]]:
+def anything(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     """Bring bodies of Push Anything to new goals, with the whole graph at its pace."""
-    if data is None:
+    share, seed, work = _of(request)
+    if request.outlines is None:
         return [], [f"{ANYTHING}: the outlines are not given (--outlines)"]
     claims, pairs, found = share_claims(ANYTHING), Pairs(), dict[str, Any]()
     options = AnythingOptions(
-        data=data, robots=("ur5",), bodies=BODIES, goals=max(round(share * GOALS), 1),
+        data=request.outlines, robots=("ur5",), bodies=BODIES, goals=max(round(share * GOALS), 1),
         seed=FIRST + seed, out=work / "anything" / str(seed),
     )  # fmt: skip
     for _ in play_all(options, found, console):

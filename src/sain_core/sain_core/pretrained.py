@@ -7,7 +7,6 @@ import json
 import os
 import sys
 import warnings
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,6 +17,7 @@ from numpy import ndarray
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.policy import ACTION, IMAGE, TASK, Observation, Policy, check_names
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
+from sain_core.storage import hash_files
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -66,7 +66,7 @@ class LeRobotPolicy(Policy):
             raise ConfigError(f"policy {folder} has actions of shape {shape}; allowed: {push}")
         _check_data_set(folder)
         weights = folder / "model.safetensors"
-        self.version = sha256(weights.read_bytes()).hexdigest() if weights.is_file() else ""
+        self.version = hash_files([weights]) if weights.is_file() else ""
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
         self.features = {k: s[1:] + s[:1] if k == IMAGE else s for k, s in shapes.items()}
         self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)

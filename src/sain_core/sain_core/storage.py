@@ -5,12 +5,13 @@ nothing in it is ever unpickled. What zlib and the zip format raise when bits ha
 things; here all of them become one `DatasetError` that names the file.
 """
 
+import hashlib
 import os
 import struct
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from io import BytesIO
 from math import prod
 from pathlib import Path
@@ -48,6 +49,18 @@ DAMAGE: Final = (
     zlib.error,
     struct.error,
 )
+
+
+def hash_files(files: Iterable[Path]) -> str:
+    """Return the SHA-256 of files as if they were one, however large; raises `DatasetError`."""
+    digest = hashlib.sha256()
+    for path in files:
+        try:
+            with open_regular(path) as file:
+                hashlib.file_digest(file, lambda: digest)
+        except (OSError, UntrustedFileError) as error:
+            raise DatasetError(f"{path} cannot be read: {error}") from error
+    return digest.hexdigest()
 
 
 def read_arrays(path: Path) -> dict[str, ndarray]:

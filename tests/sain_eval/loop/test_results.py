@@ -11,9 +11,9 @@ from rich.console import Console
 from sain_core.errors import OutputError
 from sain_eval.cli.evaluate import EvaluateOptions, evaluate, jobs_of
 from sain_eval.cli.evaluate import run as run_command
+from sain_eval.loop.journal import Journal
 from sain_eval.loop.play import EpisodeOutcome
 from sain_eval.loop.results import (
-    Journal,
     SceneRecord,
     scene_records,
     summarise,

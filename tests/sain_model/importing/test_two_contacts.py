@@ -17,7 +17,8 @@ from sain_core.shapes.outlines import read_stated
 from sain_model import commands
 from sain_model.cli.real_import import RealImportOptions, run
 from sain_model.data.dataset import Dataset, load_dataset
-from sain_model.importing.files import read_csv, read_recordings
+from sain_model.importing.csv_files import read_csv
+from sain_model.importing.files import read_recordings
 from sain_model.inference.kinds import surface_kind
 from sain_model.physics.planar import PlanarPrior, first_touch
 from tests.sain_model.importing.recorded import write_stated

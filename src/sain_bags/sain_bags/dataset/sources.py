@@ -1,6 +1,5 @@
 """The recordings that a data set is made from."""
 
-import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,8 +20,8 @@ from sain_bags.rows.topics import (
     parent_of,
     topics_of,
 )
-from sain_core.errors import DatasetError, UntrustedFileError
-from sain_core.guarding.untrusted import open_regular
+from sain_core.errors import DatasetError
+from sain_core.storage import hash_files
 
 COUNTED: Final = (PUSH, PUSH_RESULT, GOAL, SCENE)
 
@@ -128,7 +127,7 @@ def open_source(path: Path, namespace: str | None) -> Source:
         raise DatasetError(
             f"{path} holds no pushes to learn from: no {PUSH_RESULT}; it has {_contents(bag)}"
         )
-    return Source(bag, chosen, _hash(bag.files), counts)
+    return Source(bag, chosen, hash_files(bag.files), counts)
 
 
 def _contents(bag: Bag) -> str:
@@ -136,15 +135,3 @@ def _contents(bag: Bag) -> str:
     others = {one.channel.message_encoding for one in bag.channels} - {"cdr"}
     why = f"; of these, {', '.join(sorted(others))} is not ROS 2's encoding" if others else ""
     return (", ".join(held) or "no messages at all") + why
-
-
-def _hash(files: Sequence[Path]) -> str:
-    """Return the SHA-256 of files as if they were one."""
-    digest = hashlib.sha256()
-    for path in files:
-        try:
-            with open_regular(path) as file:
-                hashlib.file_digest(file, lambda: digest)
-        except (OSError, UntrustedFileError) as error:
-            raise DatasetError(f"{path} cannot be read: {error}") from error
-    return digest.hexdigest()

@@ -19,7 +19,8 @@ from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
 from sain_eval.loop.closed_loop import agent_maker, version_of
 from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
-from sain_eval.loop.results import RESULT_FILES, Journal, SceneRecord, summarise, write_results
+from sain_eval.loop.journal import Journal
+from sain_eval.loop.results import RESULT_FILES, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
 from sain_eval.scenes.anything import is_anything
 from sain_eval.scenes.scenarios import MORE, SCENARIOS, check_scenario

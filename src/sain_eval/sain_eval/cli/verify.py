@@ -21,13 +21,11 @@ Sample = Literal["model", "real", "loops", "faults", "pusht", "anything"]
 class VerifyOptions(Config):
     """Measure a sample of the published figures again, with new seeds, beside what pages state.
 
-    Half an hour on two cores. It prints the figures that are outside, and those that it does not
-    measure, with the reason; exit code 1: a figure is outside, or none is measured.
+    It prints the figures that are outside, and those that it does not measure, with the reason.
+    Exit code 1: a figure is outside, or none is measured.
     """
 
-    share: float = option(
-        1.0, "of the sample; 0.1 takes three minutes on two cores", minimum=0.01, maximum=1.0
-    )
+    share: float = option(1.0, "of the sample", minimum=0.01, maximum=1.0)
     only: tuple[Sample, ...] = option(
         get_args(Sample),
         "figures of the shipped model, of real pushes, of closed loops, of faults"

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import cache
-from hashlib import sha256
 from inspect import getsourcefile
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,6 +15,7 @@ from sain_core.model import as_observed, load_dynamics
 from sain_core.policy import POLICY, load_policy
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
+from sain_core.storage import hash_files
 from sain_core.types import PushArray, Scene
 from sain_eval.episode import Tolerance
 from sain_eval.loop.play import EpisodeOutcome, Sight, play
@@ -204,8 +204,7 @@ def version_of(name: str) -> str:
     if name.startswith(POLICY):
         policy = load_policy(name.removeprefix(POLICY))
         source = getsourcefile(type(policy))
-        own = sha256(Path(source).read_bytes()).hexdigest() if source else ""
-        return policy.version or own
+        return policy.version or (hash_files([Path(source)]) if source else "")
     model = None if not name or name in (*BASELINES, ORACLE) else load_dynamics(name)
     return str(getattr(getattr(model, "origin", None), "model_hash", ""))
 

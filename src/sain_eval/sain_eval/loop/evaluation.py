@@ -20,8 +20,9 @@ from sain_core.output import write_whole
 from sain_core.workers import FunctionRunner, Work, WorkerOptions, run_on_workers
 from sain_eval.episode import Tolerance, tightest
 from sain_eval.loop.closed_loop import agent_maker, run_episode
+from sain_eval.loop.journal import Journal
 from sain_eval.loop.play import EpisodeOutcome
-from sain_eval.loop.results import PACKAGES, Journal, SceneRecord, scene_records
+from sain_eval.loop.results import PACKAGES, SceneRecord, scene_records
 from sain_eval.scenes.families import ScenarioScene
 from sain_eval.scenes.scenarios import draw_scene
 from sain_mppi.agent.agent import AgentConfig

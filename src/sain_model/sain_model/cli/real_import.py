@@ -1,6 +1,5 @@
 """``ros2 run sain_model real_import``: a real robot's pushes as a data set."""
 
-import hashlib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -14,9 +13,10 @@ from rich.console import Console
 from sain_core.config import Config, option, required
 from sain_core.errors import OutputError
 from sain_core.guarding.documents import parse_json
-from sain_core.guarding.untrusted import open_regular, read_regular_text
+from sain_core.guarding.untrusted import read_regular_text
 from sain_core.output import OVERWRITE_HELP, claim_folder
 from sain_core.shapes.outlines import LEAST_MASS, MOST_MASS
+from sain_core.storage import hash_files
 from sain_core.transitions import Column
 from sain_model.network.settings import MASS_MIDDLE
 
@@ -118,24 +118,17 @@ def _check_same(out: Path, card: dict[str, Any]) -> None:
 
 
 def _card(options: RealImportOptions, found: "Recordings") -> dict[str, Any]:
+    from sain_model.importing.files import files_of
+
     stated = ~np.isnan(found.pushes.mass)
     return {
         "kind": "pushes of a real robot",
-        "sources": [{"path": str(path), "sha256": _digest(path)} for path in found.paths],
+        "sources": [
+            {"path": str(path), "sha256": hash_files(files_of(path))} for path in found.paths
+        ],
         "notes": list(found.notes),
         "mass": "as stated" if stated.all() else f"nominal where not stated: {options.mass} kg",
     }
-
-
-def _digest(path: Path) -> str:
-    """Return the SHA-256 of a file, or of all in the folder of a bag, however large."""
-    digest = hashlib.sha256()
-    inside = filter(Path.is_file, sorted(path.iterdir())) if path.is_dir() else (path,)
-    for file in inside:
-        with open_regular(file) as content:
-            while block := content.read(1 << 20):
-                digest.update(block)
-    return digest.hexdigest()
 
 
 def _report(found: "Recordings", made: "Imported") -> Iterator[str]:

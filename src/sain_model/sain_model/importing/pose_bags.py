@@ -121,7 +121,7 @@ def _pushes(path: Path, topics: PoseTopics, rows: list[tuple[ndarray, ...]]) -> 
 # --- what a bag states ----------------------------------------------------------------------------
 
 
-class Wanted:
+class TopicPoses:
     """The poses of one topic, as far as a bag was read."""
 
     def __init__(self, name: str) -> None:
@@ -164,7 +164,7 @@ class Wanted:
 
 def _tracks(path: Path, topics: PoseTopics) -> tuple[Track, Track]:
     """Return the poses of body and tool, in one reading; raises `DatasetError`."""
-    body, tool, held = Wanted(topics.body), Wanted(topics.tool), set[str]()
+    body, tool, held = TopicPoses(topics.body), TopicPoses(topics.tool), set[str]()
     for topic, time, message in _messages(path, {body.topic, tool.topic}, held):
         for pose in _poses(message, topic):
             body.take(topic, time, pose)
