@@ -2,6 +2,7 @@
 
 import sys
 import time
+from threading import Timer
 from types import SimpleNamespace
 
 import pytest
@@ -38,6 +39,18 @@ def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
     (scene,) = (received.message for received in bag.messages(["/late"]))
     assert (scene.scene_id, scene.disks[0].x) == (7, 0.5)
     assert {"/early", "/late", "/rosout"} <= {topic.name for topic in bag.topics}
+
+
+def test_what_comes_a_little_after_the_stop_is_recorded(studio: Studio) -> None:
+    """As where a packet was dropped, and is sent again."""
+    studio.start()
+    early = studio.player.create_publisher(String, "early", 10)
+    studio.listened("/early")
+    early.publish(String(data="first"))
+    studio.recorded("/early", 1)
+    Timer(0.15, early.publish, [String(data="last")]).start()
+    said = [received.message.data for received in studio.end().messages(["/early"])]
+    assert said == ["first", "last"]
 
 
 class Warnings:

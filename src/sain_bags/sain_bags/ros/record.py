@@ -28,9 +28,9 @@ if TYPE_CHECKING:
     from sain_bags.ros.recorder import Recorder
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
-DRAIN_TIME: Final = 0.5  # [s], at most, for messages that have come before the stop
+DRAIN_PASSES: Final = 30  # after the stop: a packet that got lost is sent again within some 0.1 s
+DRAIN_TIME: Final = 1.0  # [s], at most, while more passes find messages
 BEAT_PERIOD: Final = 0.1  # [s] between signs of life while files are ended
-QUIET_PASSES: Final = 5  # without a message: nothing more is on its way
 SILENCE: Final = 5.0  # [s] after which nothing seems to be published
 REST: Final = 0.5  # [s] from the first message until the other topics are discovered, too
 PATIENCE: Final = 3.0  # [s] then, at most, until all publishers are connected
@@ -188,11 +188,10 @@ def about_silence(recorder: "Recorder", silent: tuple[str, ...]) -> dict[str, st
 
 
 def drain(recorder: "Recorder") -> None:
-    """Take what has come before the stop."""
-    enough, quiet = time.monotonic() + DRAIN_TIME, 0
+    """Take what was said before the stop, also what comes late."""
+    enough, passes, taken = time.monotonic() + DRAIN_TIME, 0, 0
     # Passes are counted: for a process that was halted, time passes too.
-    while quiet < QUIET_PASSES and (time.monotonic() < enough or not quiet):
-        quiet = 0 if recorder.work() else quiet + 1
+    while passes < DRAIN_PASSES or (taken and time.monotonic() < enough):
+        taken = recorder.work()
+        passes += 1
         time.sleep(PASS_PERIOD)
-        if time.monotonic() > enough + DRAIN_TIME:  # there is always more of some topics
-            return
