@@ -19,6 +19,7 @@ from sain_core.policy import (
 )
 from sain_core.scene import make_scene
 from sain_core.shapes.bodies import PAPER_DISKS
+from sain_core.wire.images import CAMERAS
 
 SCENE = make_scene(np.array([(0.45, 0.0), (0.60, 0.1)]), np.full(2, 8.0), np.array([0.08, 0.06]))
 AIM = Goal((BodyPose(1, 0.7, 0.05),))
@@ -41,11 +42,6 @@ def test_what_is_observed_has_the_names_of_the_data_sets():
         ("nobody", ConfigError, "policy 'nobody' is unknown"),
         ("tests.nowhere:make", ConfigError, "No module named 'tests.nowhere'"),
         ("tests.policies:no_policy", ConfigError, "returned a str; a policy inherits from"),
-        (
-            "tests.policies:of_images",
-            ConfigError,
-            r"observes observation.images.wrist .* there are",
-        ),
         ("tests.policies:of_numbers", ConfigError, "needed: shapes, tuples of whole numbers"),
         ("./nowhere", CheckpointError, "nowhere holds no config.json; give the folder"),
     ],
@@ -61,6 +57,7 @@ def test_a_policy_that_cannot_be_used_is_named_with_the_reason(name, error, text
         ({STATE: (14,)}, r"observation.state \(14,\); there are, with 1 bodies, observation.state"),
         ({STATE: (16,), GOAL: (5,)}, r"environment_state \(5,\); there are, with 2 bodies"),
         ({IMAGE: (96, 128, 3)}, r"observation.image \(96, 128, 3\)"),
+        ({f"{CAMERAS}wrist": (96, 128)}, r"wrist \(96, 128\); .* in a graph observation.images.N"),
     ],
 )
 def test_shapes_that_no_scene_has_are_refused(features, text):

@@ -5,6 +5,7 @@ What it sees has keys, shapes and units of the LeRobot data sets that ``to_datas
 ``observation.state`` (N * 8,): x, y, theta, vx, vy, omega, mass and radius of each body.
 ``observation.environment_state`` (N * 5,): the goal of each body, as `sain_core.goal.OBSERVED`.
 ``observation.image`` (S, S, 3): the table from above, with the goal, 0 to 255.
+``observation.images.NAME`` (H, W, 3): what a camera of the graph sees, likewise.
 ``task``: what is to be done, in words.
 
 An action is the five numbers of a push (`sain_core.push`).
@@ -12,14 +13,14 @@ An action is the five numbers of a push (`sain_core.push`).
 
 import re
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.metadata import EntryPoint
 from importlib.util import find_spec
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
 
-from sain_core.errors import ConfigError
+from sain_core.errors import ConfigError, InvalidInputError
 from sain_core.goal import OBSERVED, Goal
 from sain_core.guarding.plugins import Plugins
 from sain_core.push import PUSH_NAMES
@@ -27,6 +28,7 @@ from sain_core.scene import STATE_NAMES, STATE_SIZE
 from sain_core.shapes.bodies import Bodies
 from sain_core.types import Scene
 from sain_core.view.image import picture_of
+from sain_core.wire.images import CAMERAS, Colour
 
 STATE: Final = "observation.state"
 GOAL: Final = "observation.environment_state"
@@ -43,6 +45,7 @@ POLICY_HELP: Final = (
 
 Observation = Mapping[str, Any]
 Shapes = Mapping[str, tuple[int, ...]]  # of observations, by key
+See = Callable[[str], Colour]  # the image that a camera takes next, by key
 ANY: Final[Shapes] = MappingProxyType({})
 
 
@@ -115,11 +118,15 @@ def check_features(name: str, features: Shapes, count: int | None = None) -> Non
     for key, shape in features.items():
         size, numbers = shape[0] if shape else 0, NUMBERS.get(key, 0)
         count = count or (size // numbers if numbers else None)  # all are of as many
-        right = (numbers * (count or 0),) if numbers else (size, size, 3) if key == IMAGE else ()
+        right: tuple[int, ...] = (numbers * (count or 0),)
+        if not numbers:
+            sides = (size, size) if key == IMAGE else shape[:2] if key.startswith(CAMERAS) else ()
+            right = (*sides, 3)
         if shape != right or not size:
             raise ConfigError(
                 f"policy {name} observes {key} {shape}; there are, with {count} bodies,"
-                f" {STATE} with 8 numbers of each, {GOAL} with 5, and square {IMAGE} in colour"
+                f" {STATE} with 8 numbers of each, {GOAL} with 5, square {IMAGE} in colour, and in"
+                f" a graph {CAMERAS}NAME of cameras, in colour"
             )
 
 
@@ -147,9 +154,33 @@ def task_of(count: int) -> str:
     return HIT if count > 1 else ALONE
 
 
-def observe(scene: Scene, goal: Goal, bodies: Bodies, features: Shapes = ANY) -> Observation:
-    """Return what a policy sees of a scene (N, 8) and a goal; an image if it takes one."""
+def cameras_of(features: Shapes) -> tuple[str, ...]:
+    """Return the keys of the images of cameras among some observations."""
+    return tuple(key for key in features if key.startswith(CAMERAS))
+
+
+def no_camera(key: str) -> Colour:
+    """Raise `ConfigError`: there is no camera."""
+    raise ConfigError(
+        f"a policy observes {key}, which only a graph has: ros2 run sain_bringup closed_loop"
+        " --policy, or graph"
+    )
+
+
+def observe(
+    scene: Scene, goal: Goal, bodies: Bodies, features: Shapes = ANY, see: See = no_camera
+) -> Observation:
+    """Return what a policy sees of a scene (N, 8) and a goal; images if it takes some.
+
+    Raises `InvalidInputError`: a camera's image has another size; and what `see` raises.
+    """
     count, image = len(scene), features.get(IMAGE)
     numbers = {STATE: scene.ravel().copy(), GOAL: goal.observed(count).ravel()}
     images = {IMAGE: picture_of(scene, bodies, goal, image[0])} if image else {}
+    for key in cameras_of(features):
+        images[key] = see(key)
+        if images[key].shape != features[key]:
+            raise InvalidInputError(
+                f"{key} has the shape {images[key].shape}; the policy takes {features[key]}"
+            )
     return numbers | images | {TASK: task_of(count)}

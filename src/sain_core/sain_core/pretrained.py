@@ -18,6 +18,7 @@ from sain_core.errors import CheckpointError, ConfigError
 from sain_core.policy import ACTION, IMAGE, TASK, Observation, Policy, check_names
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.storage import hash_files
+from sain_core.wire.images import CAMERAS
 
 os.environ.setdefault("HF_HUB_OFFLINE", "1")  # nothing here needs a hub; read on import
 declared: Final = torch.library.Library("torchvision", "FRAGMENT")  # for as long as this lives
@@ -68,7 +69,7 @@ class LeRobotPolicy(Policy):
         weights = folder / "model.safetensors"
         self.version = hash_files([weights]) if weights.is_file() else ""
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
-        self.features = {k: s[1:] + s[:1] if k == IMAGE else s for k, s in shapes.items()}
+        self.features = {k: s[1:] + s[:1] if _is_image(k) else s for k, s in shapes.items()}
         self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
         device = {"device_processor": {"device": str(config.device)}}
         both = make_pre_post_processors(config, str(folder), preprocessor_overrides=device)
@@ -79,7 +80,7 @@ class LeRobotPolicy(Policy):
         batch: dict[str, Any] = {TASK: [observation[TASK]]}
         for key in self.features:
             values = torch.from_numpy(np.asarray(observation[key], dtype=np.float32))[None]
-            batch[key] = values.permute(0, 3, 1, 2) / 255.0 if key == IMAGE else values
+            batch[key] = values.permute(0, 3, 1, 2) / 255.0 if _is_image(key) else values
         with torch.inference_mode():
             action = self._after(self._policy.select_action(self._before(batch)))
         return np.asarray(action.cpu().numpy()[0])
@@ -88,6 +89,10 @@ class LeRobotPolicy(Policy):
         """Forget the observations and actions that wait."""
         torch.manual_seed(seed)
         self._policy.reset()
+
+
+def _is_image(key: str) -> bool:
+    return key == IMAGE or key.startswith(CAMERAS)
 
 
 def load(name: str) -> LeRobotPolicy:

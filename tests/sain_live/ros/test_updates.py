@@ -99,7 +99,8 @@ def test_a_way_becomes_lines_and_the_next_one_replaces_it(state, updater):
 def test_a_picture_is_made_small_and_has_its_colours(state, updater):
     pixels = np.zeros((20, 1280, 3), np.uint8)
     pixels[..., 0] = 200  # blue
-    picture = Image(height=20, width=1280, encoding="bgr8", data=pixels.tobytes())
+    about = {"encoding": "bgr8", "step": 3 * 1280}
+    picture = Image(height=20, width=1280, data=pixels.tobytes(), **about)
     updater.on_picture(picture)
     assert state.picture.shape == (10, 640, 3) and state.picture[0, 0].tolist() == [0, 0, 200]
     picture.height = 30

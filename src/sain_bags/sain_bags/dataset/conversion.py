@@ -21,12 +21,13 @@ from sain_bags.dataset.dataset_folder import DatasetFolder
 from sain_bags.dataset.formats.stored_rows import joined
 from sain_bags.dataset.rows import BagPart, ConversionConfig, Dropped, RowBlock, read_rows
 from sain_bags.dataset.sources import Source, find_sources, open_source
-from sain_bags.rows.images import IMAGES, Cameras
+from sain_bags.rows.images import Cameras
 from sain_bags.rows.results import stated_outlines
 from sain_core.errors import DatasetError
 from sain_core.model import Model, load_dynamics
 from sain_core.shapes.outlines import write_outlines
 from sain_core.transitions import SHARD_SIZE, Column, Columns
+from sain_core.wire.images import CAMERAS
 from sain_core.workers import Work, WorkerOptions, run_on_workers
 
 WAITING_SHARDS: Final = 2  # that are made and not stored yet
@@ -293,5 +294,5 @@ def _tidy(columns: Columns, rows: slice) -> Columns:
             width = max(int(np.strings.str_len(column).max()), 1)
             column = column.astype(f"<U{width}")
         tidy[name] = np.ascontiguousarray(column)
-    images = [name for name in columns if name.startswith(IMAGES)]
+    images = [name for name in columns if name.startswith(CAMERAS)]
     return tidy | {name: np.ascontiguousarray(columns[name][rows]) for name in images}

@@ -9,7 +9,6 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 import PIL.Image
-from jaxtyping import UInt8
 from numpy import ndarray
 from rosbags.serde import SerdeError
 from rosbags.typesys import Stores, get_typestore
@@ -18,26 +17,22 @@ from sain_bags.mcap.mcap_file import Batch
 from sain_bags.reading.reader import Bag, TopicSummary
 from sain_bags.rows.tables import TableReader
 from sain_bags.rows.topics import PUSH, namespaces, topics_of
-from sain_core.errors import DatasetError
+from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.transitions import Columns
+from sain_core.wire.images import Colour, camera_key, decode_colour
 
-IMAGES: Final = "observation.images."  # begins the names of columns with times of images
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 JPEG: Final = "/compressed"  # ends the topics of compressed images
-CHANNELS: Final = {"rgb8": (0, 1, 2), "bgr8": (2, 1, 0), "rgba8": (0, 1, 2), "bgra8": (2, 1, 0),
-                   "mono8": (0, 0, 0), "8UC1": (0, 0, 0)}  # fmt: skip
-SIZES: Final = {"rgba8": 4, "bgra8": 4, "mono8": 1, "8UC1": 1}  # [bytes] of a pixel, by default 3
 DEPTHS: Final = ("16UC1", "32FC1", "mono16", "I", "I;16", "I;16B", "F")  # also modes of Pillow
 USUAL: Final = "image_raw"  # how topics of images end by default
 OLDEST: Final = 1_000_000_000  # [ns], an image before a push: an older one may show another scene
 BAD_CONTENT: Final = (
-    ValueError, TypeError, LookupError, OSError, PIL.Image.DecompressionBombError, DatasetError,
-    SerdeError,
+    ValueError, TypeError, LookupError, OSError, PIL.Image.DecompressionBombError,
+    InvalidInputError, SerdeError,
 )  # fmt: skip
 NEVER: Final = -1  # there is no such image
 
 T = TypeVar("T")
-Colour = UInt8[ndarray, "height width 3"]
 _store: Final = get_typestore(Stores.ROS2_JAZZY)
 
 
@@ -60,7 +55,7 @@ class ImageTopic:
 
     def at(self, time: int) -> Colour:
         """Return the image that was received at this time; raises `DatasetError`."""
-        read = _compressed if self._topic.type == COMPRESSED else _raw
+        read = _compressed if self._topic.type == COMPRESSED else decode_colour
         return self._read(int(np.searchsorted(self.times, time)), read)
 
     @property
@@ -84,20 +79,6 @@ def _encoding(message: Any) -> str:
         return str(message.encoding)
     with PIL.Image.open(BytesIO(message.data.tobytes())) as image:
         return image.mode
-
-
-def _raw(message: Any) -> Colour:
-    height, width, encoding = message.height, message.width, message.encoding
-    if encoding not in CHANNELS:
-        raise DatasetError(f"its encoding is {encoding!r}; allowed: {', '.join(CHANNELS)}")
-    size = SIZES.get(encoding, 3)
-    if message.step < width * size or message.data.size != height * message.step:
-        raise DatasetError(
-            f"{width} x {height} px in {encoding} have {message.data.size} bytes, in rows of"
-            f" {message.step}; needed: {height} rows of at least {width * size}"
-        )
-    pixels = message.data.reshape(height, message.step)[:, : width * size]
-    return np.ascontiguousarray(pixels.reshape(height, width, size)[..., CHANNELS[encoding]])
 
 
 def _compressed(message: Any) -> Colour:
@@ -149,8 +130,7 @@ def _find(bag: Bag, namespace: str, names: str) -> dict[str, ImageTopic]:
     for plain, topic in images:
         if not plain.endswith(tuple(ends)) or not (one := ImageTopic(bag, topic)).is_coloured:
             continue
-        parts = plain.removeprefix(namespace).strip("/").split("/")[:-1]
-        key = IMAGES + ("_".join(parts) or "camera")
+        key = camera_key(plain, namespace)
         if plains.setdefault(key, plain) != plain:
             raise DatasetError(
                 f"{bag.path}: {plains[key]} and {plain} would both be {key}; name one of them:"

@@ -1,6 +1,6 @@
 """How each kind of topic is delivered."""
 
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 RELIABLE = QoSProfile(depth=10)
 """Scenes, pushes, results, plans and all else that has no need of its own."""
@@ -10,6 +10,9 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 LATCHED_QUEUE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 """For who must hear each of some latched messages in turn, and not the last alone."""
+
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+"""Images: who is late takes the latest alone."""
 
 TRANSFORMS = QoSProfile(depth=100)
 """``/tf``, as tf2_ros sends it."""

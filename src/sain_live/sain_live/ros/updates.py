@@ -19,6 +19,7 @@ from sain_core.ros.node_main import OK, node_of
 from sain_core.scene import STATE_SIZE
 from sain_core.shapes.bodies import Bodies as CoreBodies
 from sain_core.wire.bodies import decode_bodies
+from sain_core.wire.images import decode_colour
 from sain_core.wire.learning import decode_learning
 from sain_core.wire.scene_door import SeenScene
 from sain_core.world import PushRecord
@@ -241,15 +242,8 @@ class StateUpdater:
 
     def on_picture(self, message: Image) -> None:
         """Take what the camera saw, made so small that a browser gets it quickly."""
-        height, width = message.height, message.width
-        if message.encoding not in ("bgr8", "rgb8") or len(message.data) != 3 * height * width:
-            raise InvalidInputError(
-                f"an image of {width} x {height} px in {message.encoding!r} with"
-                f" {len(message.data)} bytes; allowed: bgr8, rgb8"
-            )
-        pixels = np.frombuffer(message.data, dtype=np.uint8).reshape(height, width, 3)
-        step = max(1, -(-width // LARGEST_PICTURE))
-        picture = pixels[::step, ::step, :: -1 if message.encoding == "bgr8" else 1]
+        step = max(1, -(-message.width // LARGEST_PICTURE))
+        picture = decode_colour(message)[::step, ::step]
         self._state.update(picture=np.ascontiguousarray(picture))
 
     def _on_goal(self, message: Goal) -> None:

@@ -11,7 +11,15 @@ import numpy as np
 
 from sain_core.config import MOST_SEED
 from sain_core.errors import CancelledError, ModelUnavailableError, NoPushError, SainError
-from sain_core.policy import Policy, check_features, load_policy, observe
+from sain_core.policy import (
+    Policy,
+    See,
+    cameras_of,
+    check_features,
+    load_policy,
+    no_camera,
+    observe,
+)
 from sain_core.push import push_of
 from sain_core.types import PushArray
 from sain_mppi.agent.agent import Agent, AgentConfig
@@ -36,10 +44,18 @@ class PolicyDecider(Decider):
     """
 
     def __init__(
-        self, policy: Policy, name: str, config: AgentConfig, call: "TimedCall | None" = None
+        self,
+        policy: Policy,
+        name: str,
+        config: AgentConfig,
+        call: "TimedCall | None" = None,
+        see: See = no_camera,
     ) -> None:
-        """Ask a policy; who shares it shares the `call`, too: it is asked one at a time."""
-        self._policy, self._name, self._config = policy, name, config
+        """Ask a policy; who shares it shares the `call`, too: it is asked one at a time.
+
+        `see` returns what cameras see.
+        """
+        self._policy, self._name, self._config, self._see = policy, name, config, see
         self._session: int | None = None
         self._call = call or TimedCall()
         self.refused, self.refusal, self.trouble = 0, "", ""
@@ -75,7 +91,7 @@ class PolicyDecider(Decider):
 
     def _ask(self, job: PlanJob, generator: np.random.Generator) -> PushArray:
         problem, policy = job.problem, self._policy
-        seen = observe(problem.scene, problem.goal, problem.bodies, policy.features)
+        seen = observe(problem.scene, problem.goal, problem.bodies, policy.features, self._see)
 
         def answer() -> object:
             if job.session != self._session:
@@ -134,8 +150,10 @@ def _run(work: Callable[[], Any], future: "Future[Any]") -> None:
 def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
     """Return a function that makes agents with the policy of this name, which is loaded once.
 
-    Raises `ConfigError` and `CheckpointError`: see `sain_core.policy.load_policy`.
+    Raises `ConfigError`: it observes what a camera sees; and as `sain_core.policy.load_policy`.
     """
     policy = load_policy(name)
+    for key in cameras_of(policy.features):
+        no_camera(key)
     call = TimedCall()
     return lambda: Agent(PolicyDecider(policy, name, config, call), config)

@@ -13,7 +13,7 @@ from sain_core import wire
 from sain_core.errors import ErrorCode
 from sain_core.guarding.ros.reception import Reception, outcome, shortened
 from sain_core.model import as_observed, load_dynamics
-from sain_core.policy import POLICY
+from sain_core.policy import POLICY, cameras_of, load_policy
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import NAMESPACE, OK, WARN, Diagnostics
 from sain_core.ros.parameters import LiveParameters, read_parameters
@@ -38,7 +38,8 @@ from sain_mppi.agent.events import (
     TimePassed,
 )
 from sain_mppi.agent.planning import Patience
-from sain_mppi.agent.policy import policy_agent
+from sain_mppi.agent.policy import PolicyDecider
+from sain_mppi.ros.cameras import Cameras
 from sain_mppi.ros.goals import GoalHandlers, Goals, task_of
 from sain_mppi.ros.plans import Plans
 from sain_mppi.ros.remote import RemoteRollout
@@ -112,7 +113,11 @@ class MppiNode(Node):
         if config.dynamics == SERVICE and not config.policy:
             self.remote = RemoteRollout(self, config.model_timeout, patience)
         if config.policy:
-            self.agent = policy_agent(config.policy, config)()
+            policy = load_policy(config.policy)
+            cameras = Cameras(self, self.reception, cameras_of(policy.features))
+            self.agent = Agent(
+                PolicyDecider(policy, config.policy, config, see=cameras.see), config
+            )
         else:
             unknown = config.estimator.unknown
             model = self.remote or as_observed(load_dynamics(config.model), unknown)

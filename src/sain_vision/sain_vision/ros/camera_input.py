@@ -10,7 +10,6 @@ import numpy as np
 import rclpy
 from builtin_interfaces.msg import Time
 from rclpy.node import Node
-from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 from tf2_msgs.msg import TFMessage
@@ -19,14 +18,13 @@ from sain_core.errors import InvalidInputError
 from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros import codec
 from sain_core.ros.camera_topics import make_transform
-from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, TRANSFORMS
+from sain_core.ros.qos import LATCHED, LATCHED_QUEUE, NEWEST, TRANSFORMS
 from sain_vision.extrinsics_file import read_extrinsics
 from sain_vision.optics import CameraModel, check_calibration, check_view, rotation_of
 from sain_vision.ros.settings import COLOUR_TOPICS, CameraInputConfig
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
-NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 """Images and calibrations: from reliable publishers, too; where a node is late, the newest."""
 
 PATIENCE: Final = 5.0  # [s] for an image

@@ -1,4 +1,4 @@
-"""``sensor_msgs/Image`` to arrays; back: `sain_core.ros.codec.encode_image`."""
+"""The brightness and the depths of images."""
 
 from typing import Any, Final
 
@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 from numpy import ndarray
 
 from sain_core.errors import InvalidInputError
+from sain_core.wire.images import pixel_rows
 
 TO_GREY: Final[dict[str, tuple[int, int | None]]] = {  # bytes of a pixel, and the conversion
     "mono8": (1, None),
@@ -38,7 +39,7 @@ def decode_grey(message: Any) -> Grey:
             " let the driver or image_proc convert it"
         )
     channels, conversion = TO_GREY[message.encoding]
-    pixels = _rows(message, channels).reshape(message.height, message.width, channels)
+    pixels = pixel_rows(message, channels).reshape(message.height, message.width, channels)
     if conversion is None:
         return np.ascontiguousarray(pixels[..., 0])
     return np.asarray(cv2.cvtColor(pixels, conversion))
@@ -52,7 +53,7 @@ def decode_depth(message: Any) -> Depth:
         )
     kind, unit = DEPTHS[message.encoding]
     order = ">" if message.is_bigendian else "<"
-    rows = np.ascontiguousarray(_rows(message, int(kind[1]))).view(order + kind)
+    rows = np.ascontiguousarray(pixel_rows(message, int(kind[1]))).view(order + kind)
     metres = rows.reshape(message.height, message.width).astype(np.float64) * unit
     known = metres[metres > 0.0]
     if not ((known > RANGE[0]) & (known < RANGE[1])).any():
@@ -62,17 +63,3 @@ def decode_depth(message: Any) -> Depth:
             " must be in mm, floats in m, bytes in the stated order, and the camera uncovered"
         )
     return np.where(metres > 0.0, metres, np.nan)
-
-
-def _rows(message: Any, size: int) -> UInt8[ndarray, "height bytes"]:
-    """Return the bytes of the pixels, of so many bytes each, row by row."""
-    height, width, step = message.height, message.width, message.step
-    if height < 1 or width < 1:
-        raise InvalidInputError(f"the image is {width} x {height} px; it must have pixels")
-    if step < width * size or len(message.data) != step * height:
-        raise InvalidInputError(
-            f"the image of {width} x {height} px in {message.encoding} has {len(message.data)}"
-            f" bytes in rows of {step}; it must have {height} rows of at least {width * size}"
-        )
-    data = np.frombuffer(message.data, dtype=np.uint8).reshape(height, step)
-    return data[:, : width * size]

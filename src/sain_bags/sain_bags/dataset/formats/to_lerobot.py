@@ -21,12 +21,12 @@ from numpy import ndarray
 
 from sain_bags.dataset.formats.stored_rows import StoredRows, goal_distance, reached
 from sain_bags.dataset.formats.videos import Videos
-from sain_bags.rows.images import IMAGES
 from sain_core.goal import observed_poses
 from sain_core.policy import GOAL, STATE, names_of_numbers, task_of
 from sain_core.pretrained import LeRobotDataset, SuppressProgressBars, write_info, write_stats
 from sain_core.push import STROKE_NAMES
 from sain_core.transitions import FRICTIONS, PARTS, POSED, Column, Columns
+from sain_core.wire.images import CAMERAS
 
 FRAMES_A_SECOND: Final = 1
 NEXT_STATE: Final = "next.state"
@@ -56,7 +56,7 @@ def write(rows: StoredRows, folder: Path) -> None:
         for part in PARTS:
             first = count
             for columns in rows.sequences(part):
-                images = {key: columns.pop(key) for key in [*columns] if key.startswith(IMAGES)}
+                images = {key: columns.pop(key) for key in [*columns] if key.startswith(CAMERAS)}
                 frames, recordings = _frames(columns, unstated), columns[Column.BAG_SHA256].tolist()
                 if dataset is None:
                     shown = {
@@ -105,7 +105,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
             "shape": values.shape[1:] or (1,),
             "names": named.get(key),
         }
-        if not key.startswith(IMAGES)
+        if not key.startswith(CAMERAS)
         else {"dtype": "video", "shape": values.shape, "names": ["height", "width", "channels"]}
         for key, values in frames.items()
     }
@@ -114,7 +114,7 @@ def _create(folder: Path, frames: Columns, rows: StoredRows) -> LeRobotDataset:
         fps=FRAMES_A_SECOND,
         features=features,
         root=folder,
-        use_videos=any(key.startswith(IMAGES) for key in frames),
+        use_videos=any(key.startswith(CAMERAS) for key in frames),
         video_backend="pyav",  # or it looks for another, and says what it did not find
     )
 
