@@ -19,8 +19,8 @@ def content(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory) -> tuple[CollectConfig, dict[str, bytes]]:
-    """What one process collects undisturbed."""
-    config = CollectConfig(tmp_path_factory.mktemp("whole"), episodes=5, seed=4, episode=SHORT)
+    """What one process collects undisturbed: enough to be under way when a worker is killed."""
+    config = CollectConfig(tmp_path_factory.mktemp("whole"), episodes=16, seed=4, episode=SHORT)
     collect(config)
     return config, content(config.out)
 
