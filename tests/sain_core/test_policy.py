@@ -42,7 +42,7 @@ def test_what_is_observed_has_the_names_of_the_data_sets():
         ("nobody", ConfigError, "policy 'nobody' is unknown"),
         ("tests.nowhere:make", ConfigError, "No module named 'tests.nowhere'"),
         ("tests.policies:no_policy", ConfigError, "returned a str; a policy inherits from"),
-        ("tests.policies:of_numbers", ConfigError, "needed: shapes, tuples of whole numbers"),
+        ("tests.policies:of_numbers", ConfigError, "needed: shapes, tuples of whole numbers of 1"),
         ("./nowhere", CheckpointError, "nowhere holds no config.json; give the folder"),
     ],
 )

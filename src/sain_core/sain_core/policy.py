@@ -39,13 +39,14 @@ HIT: Final = "Push the mid disk so that it pushes the target disk to the goal."
 ALONE: Final = "Push the body to the goal."
 NUMBERS: Final = {STATE: STATE_SIZE, GOAL: len(OBSERVED)}  # of a body
 POLICY: Final = "policy:"  # before a policy's name, where it stands among models
+MOST_SIDE: Final = 10_000  # of a shape
 POLICY_HELP: Final = (
     "a policy: its name, module:function of one's own, or the folder where LeRobot saved it"
 )
 
 Observation = Mapping[str, Any]
 Shapes = Mapping[str, tuple[int, ...]]  # of observations, by key
-See = Callable[[str], Colour]  # the image that a camera takes next, by key
+See = Callable[[str, float], Colour]  # what a camera saw after a time [s], by key
 ANY: Final[Shapes] = MappingProxyType({})
 
 
@@ -102,12 +103,20 @@ def load_policy(name: str) -> Policy:
         wrong = f"{entry.value} returned a {type(policy).__name__}; a policy inherits from"
         wrong += " sain_core.policy.Policy and implements select_action(observation)"
         raise POLICIES.wrong(entry, wrong, name)
-    shapes = policy.features.values() if isinstance(policy.features, Mapping) else (None,)
-    if not all(isinstance(one, tuple) and all(isinstance(n, int) for n in one) for one in shapes):
-        wrong = f"its features are {policy.features!r}; needed: shapes, tuples of whole numbers, by"
-        raise POLICIES.wrong(entry, f"{wrong} key", name)
+    if not _are_shapes(policy.features):
+        wrong = f"its features are {policy.features!r}; needed: shapes, tuples of whole numbers"
+        raise POLICIES.wrong(entry, f"{wrong} of 1 to {MOST_SIDE}, by key", name)
     check_features(name, policy.features)
     return policy
+
+
+def _are_shapes(features: object) -> bool:
+    return isinstance(features, Mapping) and all(
+        isinstance(key, str)
+        and isinstance(shape, tuple)
+        and all(type(side) is int and 1 <= side <= MOST_SIDE for side in shape)
+        for key, shape in features.items()
+    )
 
 
 def check_features(name: str, features: Shapes, count: int | None = None) -> None:
@@ -124,7 +133,7 @@ def check_features(name: str, features: Shapes, count: int | None = None) -> Non
             right = (*sides, 3)
         if shape != right or not size:
             raise ConfigError(
-                f"policy {name} observes {key} {shape}; there are, with {count} bodies,"
+                f"policy {name} observes {key} {shape}; there are, with {count or 'any'} bodies,"
                 f" {STATE} with 8 numbers of each, {GOAL} with 5, square {IMAGE} in colour, and in"
                 f" a graph {CAMERAS}NAME of cameras, in colour"
             )
@@ -159,7 +168,7 @@ def cameras_of(features: Shapes) -> tuple[str, ...]:
     return tuple(key for key in features if key.startswith(CAMERAS))
 
 
-def no_camera(key: str) -> Colour:
+def no_camera(key: str, after: float = 0.0) -> Colour:
     """Raise `ConfigError`: there is no camera."""
     raise ConfigError(
         f"a policy observes {key}, which only a graph has: ros2 run sain_bringup closed_loop"
@@ -168,9 +177,14 @@ def no_camera(key: str) -> Colour:
 
 
 def observe(
-    scene: Scene, goal: Goal, bodies: Bodies, features: Shapes = ANY, see: See = no_camera
+    scene: Scene,
+    goal: Goal,
+    bodies: Bodies,
+    features: Shapes = ANY,
+    see: See = no_camera,
+    time: float = 0.0,
 ) -> Observation:
-    """Return what a policy sees of a scene (N, 8) and a goal; images if it takes some.
+    """Return what a policy sees of a scene (N, 8) of a time [s], and a goal; images if it does.
 
     Raises `InvalidInputError`: a camera's image has another size; and what `see` raises.
     """
@@ -178,7 +192,7 @@ def observe(
     numbers = {STATE: scene.ravel().copy(), GOAL: goal.observed(count).ravel()}
     images = {IMAGE: picture_of(scene, bodies, goal, image[0])} if image else {}
     for key in cameras_of(features):
-        images[key] = see(key)
+        images[key] = see(key, time)
         if images[key].shape != features[key]:
             raise InvalidInputError(
                 f"{key} has the shape {images[key].shape}; the policy takes {features[key]}"

@@ -21,7 +21,7 @@ def message(pixels, encoding, spare=0):
 def test_colours_are_those_of_the_encoding_and_padding_is_left_out(encoding):
     channels, size = CHANNELS[encoding]
     pixels = np.zeros((2, 3, size), np.uint8)
-    for colour, place in enumerate(channels):
+    for colour, place in enumerate(np.arange(size)[channels if size > 1 else [0, 0, 0]]):
         pixels[..., place] = RGB[..., colour]
     wanted = RGB if size > 1 else np.repeat(RGB[..., 2:], 3, axis=2)
     np.testing.assert_array_equal(decode_colour(message(pixels, encoding, spare=5)), wanted)

@@ -243,8 +243,7 @@ class StateUpdater:
     def on_picture(self, message: Image) -> None:
         """Take what the camera saw, made so small that a browser gets it quickly."""
         step = max(1, -(-message.width // LARGEST_PICTURE))
-        picture = decode_colour(message)[::step, ::step]
-        self._state.update(picture=np.ascontiguousarray(picture))
+        self._state.update(picture=decode_colour(message, step))
 
     def _on_goal(self, message: Goal) -> None:
         state = self._state

@@ -91,9 +91,10 @@ class PolicyDecider(Decider):
 
     def _ask(self, job: PlanJob, generator: np.random.Generator) -> PushArray:
         problem, policy = job.problem, self._policy
-        seen = observe(problem.scene, problem.goal, problem.bodies, policy.features, self._see)
 
         def answer() -> object:
+            known = problem.scene, problem.goal, problem.bodies, policy.features
+            seen = observe(*known, self._see, job.observed.time)
             if job.session != self._session:
                 policy.reset(int(generator.integers(MOST_SEED)))
                 self._session = job.session

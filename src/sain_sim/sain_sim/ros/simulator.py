@@ -38,6 +38,7 @@ from sain_sim.world.workcell import Observer, Sample, WorldConfig, steps_of
 
 SHADOW_MODEL = "bullet_nominal"
 OWN: Final = "own"
+RESET_TIME: Final = 1e-3  # [s] that a reset takes: no image of before has the stamp of its scene
 Measured = tuple[Sample, PushResult]
 """The world after a push, and its duration, wall time and prediction."""
 
@@ -129,6 +130,7 @@ class Simulator:
         drawn = draw_episode(wanted.seed, truth, scene, shapes, wanted.friction, roles)
         parameters, start = self._stated(drawn[0]), drawn[1]
         self.world.reset(start, parameters)
+        self.pacer.skip(RESET_TIME)
         self._images = None
         if self.config.gui:
             self._open_window()
