@@ -1,19 +1,24 @@
 """Answers of a policy that are no pushes: each is refused, counted, and moves nothing."""
 
+import gc
+import subprocess
 import sys
+import threading
 import time
+from functools import partial
+from threading import Event
 
 import numpy as np
 import pytest
 
-from sain_core.errors import NoPushError
+from sain_core.errors import CancelledError, ModelUnavailableError, NoPushError
 from sain_core.goal import Goal
 from sain_core.policy import Policy
 from sain_core.push import BODY, make_push
 from sain_core.shapes.bodies import PAPER_DISKS
 from sain_mppi.agent.agent import Agent, AgentConfig, act
 from sain_mppi.agent.events import EpisodeBegun, GoalGiven, PushDecision, SceneObserved, Stop, Task
-from sain_mppi.agent.policy import PolicyDecider
+from sain_mppi.agent.policy import PolicyDecider, TimedCall
 from tests.sain_mppi.ros.straw import START
 
 PUSH = make_push(0.0, 0.1, 0.05, body=0.2)
@@ -88,3 +93,59 @@ def test_a_policy_forgets_at_each_goal():
     policy = Answers(PUSH)
     decide(policy, 1, 2)
     assert (policy.resets, policy.asked) == (2, 2)
+
+
+def test_one_thread_answers_all_calls_also_after_a_late_one():
+    """What a policy keeps for each thread is there at the next call, and is not used by two."""
+    call, kept, hold, threads = TimedCall(), threading.local(), Event(), []
+
+    def counted(held: bool = False) -> int:
+        threads.append(threading.get_ident())
+        kept.count = getattr(kept, "count", 0) + 1
+        if held:
+            hold.wait()
+        return kept.count
+
+    assert call(counted, 9.0, Event()) == 1
+    for work in (partial(counted, held=True), counted):  # the second is not begun
+        with pytest.raises(ModelUnavailableError, match=r"did not answer within 0\.05 s"):
+            call(work, 0.05, Event())
+    hold.set()
+    assert call(counted, 9.0, Event()) == 3
+    assert len(threads) == 3 and set(threads) == {threads[0]} != {threading.get_ident()}
+
+
+def test_what_a_policy_raises_ends_no_later_call():
+    call = TimedCall()
+    for raises, error in ((broken, KeyError), (sys.exit, ModelUnavailableError)):
+        with pytest.raises(error):
+            call(raises, 1.0, Event())
+    assert call(lambda: 3, 1.0, Event()) == 3
+
+
+def test_a_call_that_is_not_wanted_any_more_ends():
+    cancelled, hold = Event(), Event()
+    threading.Timer(0.05, cancelled.set).start()
+    with pytest.raises(CancelledError):
+        TimedCall()(hold.wait, 9.0, cancelled)
+    hold.set()
+
+
+def test_the_thread_ends_with_whoever_called():
+    def others() -> set[threading.Thread]:
+        return {one for one in threading.enumerate() if one.name == "policy"}
+
+    before = others()
+    decider, _ = decide(Answers(PUSH))
+    (thread,) = others() - before
+    del decider, _
+    gc.collect()
+    thread.join(1.0)
+    assert not thread.is_alive()
+
+
+def test_a_policy_that_never_answers_does_not_keep_the_process():
+    code = "import threading, time; from sain_mppi.agent.policy import TimedCall as C\n"
+    code += "C()(lambda: time.sleep(60), 0.05, threading.Event())"
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=30)
+    assert ended.returncode == 1 and b"did not answer within" in ended.stderr

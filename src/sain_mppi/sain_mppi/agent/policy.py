@@ -3,9 +3,11 @@
 import logging
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, wait
+from queue import SimpleQueue
 from threading import Event, Thread
 from time import monotonic
 from typing import Any, Final
+from weakref import finalize
 
 import numpy as np
 
@@ -29,6 +31,8 @@ from sain_mppi.agent.planning import Decider
 logger = logging.getLogger(__name__)
 
 LOOK: Final = 0.02  # [s] between looks whether an answer is still wanted
+
+Waiting = tuple[Callable[[], Any], Future[Any]]  # work, and where its result goes
 
 
 class PolicyDecider(Decider):
@@ -112,9 +116,13 @@ class PolicyDecider(Decider):
 
 
 class TimedCall:
-    """Calls what may never return, each in a thread that does not outlive the process."""
+    """Calls what may never return, all in one thread that does not outlive the process.
+
+    What is called may keep a state for each thread, as CUDA and SQLite do.
+    """
 
     def __init__(self) -> None:
+        self._waiting = SimpleQueue[Waiting | None]()
         self._last: Future[Any] | None = None
 
     def __call__(self, work: Callable[[], Any], timeout_s: float, cancelled: Event) -> Any:
@@ -132,20 +140,27 @@ class TimedCall:
                     raise ModelUnavailableError(f"it did not answer within {timeout_s:.3g} s")
             return future
 
-        if self._last is not None:
+        if self._last is None:
+            Thread(target=_work, args=(self._waiting,), name="policy", daemon=True).start()
+            finalize(self, self._waiting.put, None)
+        else:
             done(self._last)
         self._last = future = Future[Any]()
-        Thread(target=_run, args=(work, future), name="policy", daemon=True).start()
+        self._waiting.put((work, future))
         return done(future).result()
 
 
-def _run(work: Callable[[], Any], future: "Future[Any]") -> None:
-    try:
-        future.set_result(work())
-    except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
-        ends = not isinstance(error, Exception)  # a policy ends no process that asks it
-        text = f"it raised {type(error).__name__}: {error}"
-        future.set_exception(ModelUnavailableError(text) if ends else error)
+def _work(waiting: "SimpleQueue[Waiting | None]") -> None:
+    """Work until None comes."""
+    while (one := waiting.get()) is not None:
+        work, future = one
+        try:
+            future.set_result(work())
+        except BaseException as error:  # noqa: BLE001 - it is raised by whoever asks
+            ends = not isinstance(error, Exception)  # a policy ends no process that asks it
+            text = f"it raised {type(error).__name__}: {error}"
+            future.set_exception(ModelUnavailableError(text) if ends else error)
+        del one, work, future  # they hold whoever asked
 
 
 def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
