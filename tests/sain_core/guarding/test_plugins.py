@@ -63,6 +63,16 @@ def test_a_package_that_cannot_be_loaded_is_named(toys):
         toys.load(toys.find("none"))
 
 
+def test_a_module_that_exits_is_named_and_ends_nothing(toys, tmp_path, monkeypatch):
+    (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no GPU')\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    message = "cannot be loaded: SystemExit: no GPU; repair or uninstall that package"
+    with pytest.raises(ConfigError, match=message):
+        toys.load(EntryPoint("leaving", "leaving:make", GROUP))
+    with pytest.raises(ConfigError, match="toy 'ball' .* failed: SystemExit: 2"):
+        toys.guarded(toys.find("ball"), sys.exit)(2)
+
+
 def test_a_function_that_fails_names_its_package(toys):
     entry = toys.find("ball")
     ball = toys.guarded(entry, toys.load(entry))

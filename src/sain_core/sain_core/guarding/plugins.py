@@ -119,7 +119,7 @@ class Plugins:
             yield
         except SainError:
             raise
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # a package ends no process that loads it
             others = ", ".join(other for other in self.names() if other != entry.name) or "none"
             raise ConfigError(
                 f"{self.what} {(name or entry.name)!r} of {package_of(entry)} {what}:"
