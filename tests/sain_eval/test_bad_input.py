@@ -5,6 +5,7 @@ import pytest
 
 from sain_core.scene import POSITION, TARGET
 from sain_eval import commands
+from sain_eval.scenes.scenarios import SCENARIOS
 from sain_sim.world.workcell import Workcell
 
 
@@ -25,6 +26,18 @@ def test_options_that_cannot_be(words, error, tmp_path, capsys):
     assert commands.evaluate([*words.split(), "--out", str(tmp_path)]) in (1, 2)  # 2: of options
     said = " ".join(capsys.readouterr().err.split())
     assert said.startswith("evaluate: ") and error in said and "Traceback" not in said
+
+
+def test_a_policy_of_other_bodies_is_named_with_its_scene_before_an_episode(tmp_path, capsys):
+    """`clutter` has 3 to 5 bodies, by the seed; the first scenario fits."""
+    count = len(SCENARIOS["clutter"].scene(4).disks)
+    arguments = ["--controllers", "null,policy:tests.policies:of_two", "--scenes", "1"]
+    arguments += ["--scenario", "paper,clutter", "--seed", "4", "--out", str(tmp_path)]
+    assert commands.evaluate(arguments) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "policy tests.policies:of_two in scene 4 of scenario clutter observes" in said
+    assert f"observation.state (16,); there are, with {count} bodies, observation.state" in said
+    assert not list(tmp_path.iterdir())
 
 
 def test_noise_that_hides_the_tolerance_is_the_reason_of_the_failure(tmp_path, capsys):

@@ -135,7 +135,7 @@ def check_features(name: str, features: Shapes, count: int | None = None) -> Non
             raise ConfigError(
                 f"policy {name} observes {key} {shape}; there are, with {count or 'any'} bodies,"
                 f" {STATE} with 8 numbers of each, {GOAL} with 5, square {IMAGE} in colour, and in"
-                f" a graph {CAMERAS}NAME of cameras, in colour"
+                f" a graph {CAMERAS}NAME of cameras, in colour; choose another policy or scene"
             )
 
 

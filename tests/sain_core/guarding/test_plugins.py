@@ -69,7 +69,7 @@ def test_a_module_that_exits_is_named_and_ends_nothing(toys, tmp_path, monkeypat
     message = "cannot be loaded: SystemExit: no GPU; repair or uninstall that package"
     with pytest.raises(ConfigError, match=message):
         toys.load(EntryPoint("leaving", "leaving:make", GROUP))
-    with pytest.raises(ConfigError, match="toy 'ball' .* failed: SystemExit: 2"):
+    with pytest.raises(ConfigError, match=r"toy 'ball' .* failed: SystemExit: 2"):
         toys.guarded(toys.find("ball"), sys.exit)(2)
 
 

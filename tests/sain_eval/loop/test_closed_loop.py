@@ -16,7 +16,7 @@ from sain_core.view.figures import png_of
 from sain_core.world import DivergedError
 from sain_eval.cli.evaluate import EvaluateOptions
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import agent_maker, run_episode, version_of
+from sain_eval.loop.closed_loop import agent_maker, features_of, run_episode, version_of
 from sain_eval.loop.evaluation import EpisodeJob, play_job
 from sain_eval.loop.results import scene_records
 from sain_eval.plots.pictures import draw_episode
@@ -28,6 +28,7 @@ from sain_mppi.agent.planning import Decider
 from sain_sim.camera.camera import WorldCameraConfig
 from sain_sim.world.truth import TruthConfig
 from sain_sim.world.world import World
+from tests.policies import LOADED, OfTwo
 
 PAPER = SCENARIOS["paper"].scene(0)
 ANYWHERE = SCENARIOS["anywhere"].scene(1)
@@ -220,3 +221,10 @@ def test_bodies_of_unknown_mass_are_pushed_too():
 def test_versions_tell_apart_what_was_trained_or_written():
     assert version_of("null") == version_of("planar") == ""
     assert len(version_of("sain")) == len(version_of("policy:tests.policies:straight")) == 64
+
+
+def test_a_policy_is_loaded_once():
+    name = "policy:tests.policies:of_two"
+    assert features_of(name) == OfTwo.features and not features_of("planar")
+    assert version_of(name) and agent_maker(name)(PAPER) is not agent_maker(name)(PAPER)
+    assert LOADED == ["tests.policies:of_two"]

@@ -12,18 +12,18 @@ from sain_core.config import MOST_SEED, option
 from sain_core.errors import ConfigError
 from sain_core.goal import MOST_TOLERANCE, MOST_TURN
 from sain_core.output import OVERWRITE_HELP, claim_folder
-from sain_core.policy import POLICY_HELP
+from sain_core.policy import POLICY, POLICY_HELP, check_features
 from sain_core.provenance import ros2_command
 from sain_core.workers import WorkerOptions
 from sain_core.world import observation_settings
 from sain_eval.episode import Tolerance
-from sain_eval.loop.closed_loop import agent_maker, version_of
+from sain_eval.loop.closed_loop import agent_maker, features_of, version_of
 from sain_eval.loop.evaluation import EpisodeJob, keep_records, run_jobs
 from sain_eval.loop.journal import Journal
 from sain_eval.loop.results import RESULT_FILES, SceneRecord, summarise, write_results
 from sain_eval.loop.tables import FAILURES_FILE, TABLES, show_failures, show_summary, write_tables
 from sain_eval.scenes.anything import is_anything
-from sain_eval.scenes.scenarios import MORE, SCENARIOS, check_scenario
+from sain_eval.scenes.scenarios import MORE, SCENARIOS, check_scenario, draw_scene
 from sain_model.compute.kernel_store import compile_visibly
 from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.uncertainty import EstimatorConfig
@@ -145,9 +145,9 @@ def run(options: EvaluateOptions, console: Console) -> None:
 def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[SceneRecord]:
     """Run what is left of an evaluation and write its results.
 
-    Raises `DatasetError`: the file of outlines cannot be read; `ConfigError`: it has no such body;
-    `OutputError`: the folder cannot be written or holds other results; `CheckpointError`: a
-    controller's model cannot be loaded.
+    Raises `DatasetError`: the file of outlines cannot be read; `ConfigError`: it has no such body,
+    or a policy does not take the bodies of a scene; `OutputError`: the folder cannot be written or
+    holds other results; `CheckpointError`: a controller's model cannot be loaded.
     """
     for name in _split(options.scenario, "scenario"):
         check_scenario(name, options.outlines)
@@ -155,6 +155,11 @@ def evaluate(options: EvaluateOptions, command: str, console: Console) -> list[S
     claim_folder(options.out, (*RESULT_FILES, *TABLES, *pictures), options.overwrite)
     names = _split(options.controllers, "controllers")
     versions = {name: version_of(name) for name in names}
+    for scenario, seed, name in options.episodes:
+        if features := features_of(name):
+            case = draw_scene(scenario, seed, options.outlines)
+            where = f"{name.removeprefix(POLICY)} in scene {seed} of scenario {scenario}"
+            check_features(where, features, len(case.disks))
     journal = Journal(options.out, options.settings(), options.overwrite, versions)
     compile_visibly(console)  # neither the first plan nor each worker
     for name in names:

@@ -12,7 +12,7 @@ import numpy as np
 from sain_core.errors import ConfigError, NoPushError
 from sain_core.feasibility import Feasibility
 from sain_core.model import as_observed, load_dynamics
-from sain_core.policy import POLICY, load_policy
+from sain_core.policy import ANY, POLICY, Policy, Shapes, cameras_of, load_policy, no_camera
 from sain_core.push import BODY, LOCATION, make_push
 from sain_core.scene import MID, POSITION, TARGET, wrap_angle
 from sain_core.storage import hash_files
@@ -23,7 +23,7 @@ from sain_eval.scenes.families import ScenarioScene
 from sain_mppi.agent.agent import Agent, AgentConfig, planning_agent
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
-from sain_mppi.agent.policy import policy_agent
+from sain_mppi.agent.policy import PolicyDecider, TimedCall
 from sain_sim.camera.camera import Camera, WorldCameraConfig
 from sain_sim.world.own import open_world
 from sain_sim.world.workcell import Sample, steps_of
@@ -183,8 +183,9 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     if name in BASELINES:
         return lambda scene: Agent(BASELINES[name](config.feasibility), config)
     if name.startswith(POLICY):
-        make = policy_agent(name.removeprefix(POLICY), config)
-        return lambda scene: make()
+        policy, call = _policy(name)
+        own = name.removeprefix(POLICY)
+        return lambda scene: Agent(PolicyDecider(policy, own, config, call), config)
     physics = load_dynamics(config.prior)
     if name == ORACLE:
         blind = replace(config, history=False)
@@ -196,13 +197,30 @@ def agent_maker(name: str, config: AgentConfig = AgentConfig(), belief: str = ""
     return lambda scene: planning_agent(model, physics, config)
 
 
+@cache
+def _policy(name: str) -> tuple[Policy, TimedCall]:
+    """Return a policy, which is loaded once in a process, and what asks it, one at a time."""
+    policy = load_policy(name.removeprefix(POLICY))
+    for key in cameras_of(policy.features):
+        no_camera(f"{name}: {key}")
+    return policy, TimedCall()
+
+
+def features_of(name: str) -> Shapes:
+    """Return the shapes that a controller observes; empty: of any scene. Raises as `agent_maker`.
+
+    All but policies take any scene.
+    """
+    return _policy(name)[0].features if name.startswith(POLICY) else ANY
+
+
 def version_of(name: str) -> str:
     """Return what tells apart the versions of a controller of this name; "": it has none.
 
     Of a policy that states none it is the SHA-256 of its source. Raises as `agent_maker`.
     """
     if name.startswith(POLICY):
-        policy = load_policy(name.removeprefix(POLICY))
+        policy, _ = _policy(name)
         source = getsourcefile(type(policy))
         return policy.version or (hash_files([Path(source)]) if source else "")
     model = None if not name or name in (*BASELINES, ORACLE) else load_dynamics(name)

@@ -13,18 +13,10 @@ import numpy as np
 
 from sain_core.config import MOST_SEED
 from sain_core.errors import CancelledError, ModelUnavailableError, NoPushError, SainError
-from sain_core.policy import (
-    Policy,
-    See,
-    cameras_of,
-    check_features,
-    load_policy,
-    no_camera,
-    observe,
-)
+from sain_core.policy import Policy, See, check_features, no_camera, observe
 from sain_core.push import push_of
 from sain_core.types import PushArray
-from sain_mppi.agent.agent import Agent, AgentConfig
+from sain_mppi.agent.agent import AgentConfig
 from sain_mppi.agent.events import PlanJob, PushDecision
 from sain_mppi.agent.planning import Decider
 
@@ -161,15 +153,3 @@ def _work(waiting: "SimpleQueue[Waiting | None]") -> None:
             text = f"it raised {type(error).__name__}: {error}"
             future.set_exception(ModelUnavailableError(text) if ends else error)
         del one, work, future  # they hold whoever asked
-
-
-def policy_agent(name: str, config: AgentConfig) -> Callable[[], Agent]:
-    """Return a function that makes agents with the policy of this name, which is loaded once.
-
-    Raises `ConfigError`: it observes what a camera sees; and as `sain_core.policy.load_policy`.
-    """
-    policy = load_policy(name)
-    for key in cameras_of(policy.features):
-        no_camera(key)
-    call = TimedCall()
-    return lambda: Agent(PolicyDecider(policy, name, config, call), config)
