@@ -171,7 +171,7 @@ def cameras_of(features: Shapes) -> tuple[str, ...]:
 def no_camera(key: str, after: float = 0.0) -> Colour:
     """Raise `ConfigError`: there is no camera."""
     raise ConfigError(
-        f"a policy observes {key}, which only a graph has: ros2 run sain_bringup closed_loop"
+        f"{key} is what a camera sees, and only a graph has one: ros2 run sain_bringup closed_loop"
         " --policy, or graph"
     )
 

@@ -3,18 +3,22 @@
 Import `lerobot` only through this module, or after it.
 """
 
-import json
 import os
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import torch
 from numpy import ndarray
+from safetensors import safe_open
 
 from sain_core.errors import CheckpointError, ConfigError
+from sain_core.guarding.documents import read_json
+from sain_core.guarding.untrusted import one_line
 from sain_core.policy import ACTION, IMAGE, TASK, Observation, Policy, check_names
 from sain_core.push import PUSH_NAMES, PUSH_SIZE
 from sain_core.storage import hash_files
@@ -48,6 +52,8 @@ from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 
 __all__ = ["LeRobotDataset", "SuppressProgressBars", "load", "write_info", "write_stats"]
 
+PROCESSORS: Final = ("policy_preprocessor.json", "policy_postprocessor.json")
+
 
 class LeRobotPolicy(Policy):
     """A policy of any of LeRobot's classes, with the normalisation that it was trained with."""
@@ -55,24 +61,31 @@ class LeRobotPolicy(Policy):
     def __init__(self, folder: Path) -> None:
         """Load a folder that `save_pretrained` wrote, with its two processors.
 
-        Raises `ConfigError`: its actions are no pushes, or its data set states other numbers.
+        Raises `CheckpointError`: a file is missing or damaged; `ConfigError`: its actions are no
+        pushes, or its data set states other numbers.
         """
         from lerobot.configs.policies import PreTrainedConfig
         from lerobot.policies.factory import get_policy_class, make_pre_post_processors
 
-        config = PreTrainedConfig.from_pretrained(folder)
-        shape = tuple(config.output_features[ACTION].shape)
+        with _blaming(folder / "config.json"):
+            config = PreTrainedConfig.from_pretrained(folder)
+            shape = tuple(config.output_features[ACTION].shape)
         if shape != (PUSH_SIZE,):
             push = f"{(PUSH_SIZE,)}, a push: {', '.join(PUSH_NAMES)}"
             raise ConfigError(f"policy {folder} has actions of shape {shape}; allowed: {push}")
         _check_data_set(folder)
         weights = folder / "model.safetensors"
-        self.version = hash_files([weights]) if weights.is_file() else ""
+        with _blaming(weights):
+            self.version = hash_files([weights])
+            self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
         self.features = {k: s[1:] + s[:1] if _is_image(k) else s for k, s in shapes.items()}
-        self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
+        for path in [state for name in PROCESSORS for state in _states(folder / name)]:
+            with _blaming(path), safe_open(path, "np"):  # LeRobot would look for it on its hub
+                pass
         device = {"device_processor": {"device": str(config.device)}}
-        both = make_pre_post_processors(config, str(folder), preprocessor_overrides=device)
+        with _blaming(folder):
+            both = make_pre_post_processors(config, str(folder), preprocessor_overrides=device)
         self._before, self._after = both
 
     def select_action(self, observation: Observation) -> ndarray:
@@ -98,7 +111,7 @@ def _is_image(key: str) -> bool:
 def load(name: str) -> LeRobotPolicy:
     """Return the policy in a folder.
 
-    Raises `CheckpointError`: there is none; `ConfigError`: see `LeRobotPolicy`.
+    Raises `CheckpointError`: there is none; or as `LeRobotPolicy`.
     """
     folder = Path(name).expanduser()
     if not (folder / "config.json").is_file():
@@ -109,13 +122,36 @@ def load(name: str) -> LeRobotPolicy:
     return LeRobotPolicy(folder)
 
 
+@contextmanager
+def _blaming(path: Path) -> Iterator[None]:
+    """Raise `CheckpointError`, which names a file or folder, of what it makes others raise."""
+    try:
+        yield
+    except ImportError:  # a kind of policy may need more than LeRobot
+        raise
+    except Exception as error:  # LeRobot, draccus and safetensors raise many kinds
+        raise CheckpointError(
+            f"{path} is missing or damaged: {type(error).__name__}: {one_line(error)}; save or copy"
+            " the folder of the policy again"
+        ) from error
+
+
+def _states(path: Path) -> list[Path]:
+    """Return the files of numbers that a processor's file names."""
+    with _blaming(path):
+        steps = read_json(path)["steps"]
+        return [path.parent / step["state_file"] for step in steps if "state_file" in step]
+
+
 def _check_data_set(folder: Path) -> None:
     """Check what the data set that a policy was trained on states, where it is still there."""
     training = folder / "train_config.json"  # of LeRobot's own command
-    trained = json.loads(training.read_text()) if training.is_file() else {}
-    root = (trained.get("dataset") or {}).get("root")
+    with _blaming(training):
+        trained = read_json(training) if training.is_file() else {}
+        root = (trained.get("dataset") or {}).get("root")
     about = Path(root or folder) / "meta/info.json"
     if about.is_file():
-        features = json.loads(about.read_text())["features"]
-        stated = {key: one.get("names") for key, one in features.items()}
+        with _blaming(about):
+            features = read_json(about)["features"]
+            stated = {key: one.get("names") for key, one in features.items()}
         check_names(f"policy {folder} was trained on {about}", stated)
