@@ -174,7 +174,7 @@ def test_a_folder_of_ros_2_is_one_bag(rows, tmp_path):
         (None, "mine.bag is a bag; give --body-topic, --tool-topic and --body"),
         (
             PoseTopics("/vicon", "/arm/tip", "knee"),
-            r"no topic /vicon with messages; it has /arm/tip \(geometry_msgs",
+            r"no topic /vicon with messages; .* it has: /arm/tip \(geometry_msgs",
         ),
         (PoseTopics("/tf:cup", "/arm/tip", "knee"), "no poses of 'cup' on /tf"),
         (PoseTopics("/tf:knee", "/tf:camera", "knee"), "holds no push: none of 0 ways"),
@@ -184,6 +184,82 @@ def test_a_bag_that_has_no_pushes_says_what_it_needs(rows, tmp_path, topics, tex
     bag = write_bag(tmp_path / "mine.bag", rows)
     with pytest.raises(DatasetError, match=text):
         read_recordings([bag], write_stated(tmp_path), TIP, topics=topics)
+
+
+def write_few(path: Path, *poses: tuple[str, str, str]) -> Path:
+    """Write a bag of poses, each with its topic, its frame, and the frame that it is of."""
+    kinds = {"/tf": "tf2_msgs/msg/TFMessage"}
+    with Writer(path) as writer:
+        topics = {
+            topic: writer.add_connection(
+                topic, kinds.get(topic, "geometry_msgs/msg/PoseStamped"), typestore=STORE
+            )
+            for topic in dict.fromkeys(topic for topic, *_ in poses)
+        }
+        for now, (topic, frame, child) in enumerate(poses):
+            kind = topics[topic].msgtype
+            if topic in kinds:
+                moved = pose(0.5, 0.0, 0.0, 0.0, "transform")
+                one = "geometry_msgs/msg/TransformStamped"
+                stamped = make(one, header=header(frame), child_frame_id=child, **moved)
+                message = make(kind, transforms=[stamped])
+            else:
+                message = make(kind, header=header(frame), **pose(0.5, 0.0, 0.0, 0.0))
+            writer.write(topics[topic], now, STORE.serialize_ros1(message, kind))
+    return path
+
+
+KNEE, MAPPED, CAMERA, TOOL, OTHER = (
+    ("/tf", "world", "knee"),
+    ("/tf", "map", "knee"),
+    ("/tf", "world", "camera"),
+    ("/arm/tip", "world", ""),
+    ("/arm/tip", "map", ""),
+)
+
+
+@pytest.mark.parametrize(
+    ("poses", "body", "tool", "text"),
+    [
+        (
+            (KNEE, KNEE, MAPPED, CAMERA, TOOL),
+            "/tf:knee",
+            "/arm/tip",
+            "/tf:knee has poses in several frames: 2 in 'world', 1 in 'map'; allowed: one. Record"
+            " it again with one publisher of these poses, or",
+        ),
+        (
+            (KNEE, TOOL, OTHER),
+            "/tf",
+            "/arm/tip",
+            "/arm/tip has poses in several frames: 1 in 'world', 1 in 'map'; allowed: one",
+        ),
+        (
+            (KNEE, MAPPED, CAMERA, TOOL),
+            "/tf",
+            "/arm/tip",
+            "/tf has poses of camera, knee; name one frame: /tf:FRAME",
+        ),
+        (
+            (KNEE, ("/left/tip", "world", ""), ("/right/tip", "world", "")),
+            "/tf",
+            "tip",
+            "has no topic tip with messages; give the whole name of one that it has: /left/tip"
+            " (geometry_msgs/msg/PoseStamped), /right/tip (geometry_msgs/msg/PoseStamped), /tf",
+        ),
+        (
+            (KNEE, TOOL),
+            "/tf",
+            "/arm/tip:tip",
+            "has no poses of 'tip' on /arm/tip; they name no frame: give /arm/tip alone",
+        ),
+    ],
+)
+def test_frames_and_topics_that_are_not_one_are_named(tmp_path, poses, body, tool, text):
+    bag = write_few(tmp_path / "mine.bag", *poses)
+    with pytest.raises(DatasetError) as raised:
+        read_recordings([bag], write_stated(tmp_path), TIP, topics=PoseTopics(body, tool, "knee"))
+    assert str(raised.value).startswith(str(bag)) and text in str(raised.value)
 
 
 def test_a_damaged_bag_is_an_error(rows, tmp_path):

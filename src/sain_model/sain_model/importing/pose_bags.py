@@ -4,6 +4,7 @@ A push is a straight and level way of the tool from one stop to the next, at the
 that move the body. Bodies are read at rest: last before the tool starts, first after it stopped.
 """
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -130,28 +131,38 @@ class TopicPoses:
         self.topic, _, frame = name.partition(":")
         self._frame = frame.strip("/")
         self._rows = list[tuple[float, list[float]]]()
-        self._others, self._frames = set[str](), set[tuple[str, str]]()
+        self._others = set[str]()  # frames that it has poses of
+        self._frames = Counter[str]()  # that these poses are in
 
     def take(self, topic: str, time: float, pose: Pose) -> None:
         """Take a pose [s] if it is one of these."""
         if topic == self.topic:
             self._others.add(pose.child)
             if self._frame in ("", pose.child):
-                self._frames.add((pose.frame, pose.child))
+                self._frames[pose.frame] += 1
                 self._rows.append((time, pose.numbers))
 
     def track(self, path: Path, held: set[str]) -> Track:
         """Return the poses; raises `DatasetError`: there are none, or of several frames."""
+        named = ", ".join(sorted(filter(None, self._others)))
         if not self._rows and self._others:
-            has = ", ".join(sorted(filter(None, self._others)))
-            raise DatasetError(f"{path} has no poses of {self._frame!r} on {self.topic}; of {has}")
+            has = f"of {named}" if named else f"they name no frame: give {self.topic} alone"
+            raise DatasetError(f"{path} has no poses of {self._frame!r} on {self.topic}; {has}")
         if not self._rows:
             has = ", ".join(sorted(held)) or "none"
-            raise DatasetError(f"{path} has no topic {self.topic} with messages; it has {has}")
-        if len(self._frames) > 1:
-            what = ", ".join(sorted(" in ".join(filter(None, one[::-1])) for one in self._frames))
             raise DatasetError(
-                f"{path}: {self.name} has poses of {what}; name one frame: {self.topic}:FRAME"
+                f"{path} has no topic {self.topic} with messages; give the whole name of one that"
+                f" it has: {has}"
+            )
+        if not self._frame and len(self._others) > 1:
+            raise DatasetError(
+                f"{path}: {self.name} has poses of {named}; name one frame: {self.topic}:FRAME"
+            )
+        if len(self._frames) > 1:
+            what = ", ".join(f"{count} in {frame!r}" for frame, count in self._frames.items())
+            raise DatasetError(
+                f"{path}: {self.name} has poses in several frames: {what}; allowed: one. Record it"
+                " again with one publisher of these poses, or give another topic or frame"
             )
         times, numbers = map(np.array, zip(*self._rows, strict=True))
         return Track(times, numbers[:, :3], numbers[:, 3:])
@@ -159,7 +170,7 @@ class TopicPoses:
     @property
     def base(self) -> str:
         """The frame that the poses are in; empty: it is not stated."""
-        return next(iter(self._frames))[0]
+        return next(iter(self._frames))
 
 
 def _tracks(path: Path, topics: PoseTopics) -> tuple[Track, Track]:
