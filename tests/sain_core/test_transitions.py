@@ -4,6 +4,7 @@ import pytest
 from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.push import make_push
 from sain_core.scene import MASS, RADIUS
+from sain_core.shapes.bodies import Bodies
 from sain_core.transitions import (
     COLLECTED,
     IMPORTED,
@@ -14,6 +15,7 @@ from sain_core.transitions import (
     Column,
     PushHistory,
     draw_parts,
+    travels,
 )
 
 
@@ -24,6 +26,26 @@ def test_every_column_is_explained_and_written_by_someone():
     for column in Column:
         np.dtype(column.dtype)
         assert column.meaning
+
+
+@pytest.mark.parametrize(
+    ("roles", "way"),
+    [
+        ((), 0.03),
+        (("pushable",) * 3, 0.05),
+        (("pushable", "fixed", "movable"), 0.05),
+        (("pushable", "movable", "pushable"), 0.03),
+        (("pushable",), 0.04),
+    ],
+)
+def test_the_way_of_the_target_counts_where_only_other_bodies_move_it(roles, way):
+    count = len(roles) or 3
+    before = np.zeros((2, count, 8))
+    after = before.copy()
+    after[1, :, 0] = (0.04, 0.03, 0.05)[:count]
+    bodies = Bodies.named(("disk",) * count, roles)
+    np.testing.assert_array_equal(travels(before, after, bodies), [0.0, way])
+    assert travels(before[1], after[1], bodies) == way
 
 
 SCENE = np.zeros((2, 8))

@@ -21,8 +21,8 @@ from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.guarding.untrusted import LEAST_RADIUS, MOST_RADIUS
 from sain_core.push import PUSH_SIZE, STROKE_SIZE, is_stroke
 from sain_core.randomness import generator
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, X, Y
-from sain_core.shapes.bodies import BETWEEN, Bodies, as_names, bodies_named
+from sain_core.scene import MASS, POSITION, RADIUS, STATE_SIZE, TARGET, X, Y
+from sain_core.shapes.bodies import BETWEEN, Bodies, Role, as_names, bodies_named
 from sain_core.shapes.outlines import MOST_MASS
 from sain_core.shapes.solids import DISK
 from sain_core.types import Indices, Mask, Points, PushArray, Scene, Scenes
@@ -122,7 +122,8 @@ class Column(StrEnum):
                     "friction coefficient between disks; NaN: not known", ALWAYS, ALWAYS, NEVER)
     TOOL_FRICTION = ("tool_friction", (), "float64", "",
                      "friction coefficient of the tool; NaN: not known", ALWAYS, ALWAYS, NEVER)
-    MOVED = "moved", (), "bool", "", "the target moved by 2 mm or more"
+    MOVED = ("moved", (), "bool", "",
+             "the target, body 1, moved by 2 mm or more; any body, unless body 1 is `movable`")
     DURATION = "duration", (), "float64", "s", "simulated time of the push"
     GOAL_POSES = ("goal_poses", ("3 N",), "float64", "m, rad",
                   "x, y and heading asked of each body; NaN: not asked", NEVER, ALWAYS)
@@ -228,6 +229,16 @@ def as_scenes(states: ndarray) -> Scenes:
 def centres(states: ndarray) -> Points:
     """Return the centres of the disks (M, N, 2) [m] of states (M, 8 N)."""
     return as_scenes(states)[..., POSITION]
+
+
+def travels(before: Scenes, after: Scenes, bodies: Bodies) -> Float[ndarray, "*M"]:
+    """Return how far pushes between scenes (..., N, 8) moved the target, which is body 1 [m].
+
+    Where body 1 is not moved by other bodies alone, it is how far a body moved at most.
+    """
+    ways = np.linalg.norm((after - before)[..., POSITION], axis=-1)
+    target = bodies.roles[TARGET : ways.shape[-1]][:1] == (Role.MOVABLE,)
+    return np.asarray(ways[..., TARGET] if target else ways.max(axis=-1))
 
 
 def draw_parts(

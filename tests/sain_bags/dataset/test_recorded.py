@@ -17,9 +17,11 @@ from sain_core.errors import DatasetError, InvalidInputError, OutputError
 from sain_core.push import BAR, SPAN_X
 from sain_core.shapes import library
 from sain_core.storage import read_arrays, write_arrays
-from sain_core.transitions import IMPORTED, Column, shard_path
+from sain_core.transitions import IMPORTED, MOVED, Column, centres, shard_path
 from sain_model.cli import real_import
 from sain_model.data.dataset import load_dataset
+from sain_sim.collecting.collect import CollectConfig, collect
+from sain_sim.collecting.episode import EpisodeConfig
 from tests.definitions import find_own
 from tests.sain_bags.dataset.formats.exported import drive
 from tests.sain_model.importing.recorded import HEADER, PUSHES, simulate, write_csv, write_stated
@@ -81,6 +83,26 @@ def test_a_data_set_without_strokes_has_the_same_rows(record, tmp_path):
     one, other = (read_arrays(shard_path(tmp_path / name, 0)) for name in ("first", "again"))
     for name in (Column.STATE, Column.ACTION, Column.NEXT_STATE):
         np.testing.assert_array_equal(one[name], other[name])
+
+
+@pytest.mark.parametrize(
+    ("episode", "any_body"),
+    [
+        (EpisodeConfig(shapes="t,disk", bodies="2", pushes=2), True),
+        (EpisodeConfig(disks=3, pushes=3), False),
+    ],
+    ids=["all_are_pushed", "one_is_pushed"],
+)
+def test_a_collection_that_was_recorded_has_the_same_moved_rows(tmp_path, episode, any_body):
+    collect(CollectConfig(tmp_path / "made", 2, 3, episode=episode))
+    write_recording(tmp_path / "made", tmp_path / "bag")
+    convert([tmp_path / "bag"], tmp_path / "back")
+    wanted, back = columns(tmp_path / "made"), columns(tmp_path / "back")
+    for name in (Column.EPISODE, Column.STEP, Column.NEXT_STATE, Column.MOVED):
+        np.testing.assert_array_equal(back[name], wanted[name])
+    way = centres(wanted[Column.NEXT_STATE])[:, 1] - centres(wanted[Column.STATE])[:, 1]
+    target = np.linalg.norm(way, axis=-1) >= MOVED
+    assert wanted[Column.MOVED].any() and (wanted[Column.MOVED] != target).any() == any_body
 
 
 def test_other_tools_and_the_page_read_it(imported, tmp_path):

@@ -20,10 +20,10 @@ from sain_core.errors import ErrorCode, SainError
 from sain_core.guarding.untrusted import one_line, shown
 from sain_core.model import Model
 from sain_core.push import BODY, STROKE_NAMES, allowed_ranges, check_predictable
-from sain_core.scene import MASS, POSITION, RADIUS, STATE_NAMES, STATE_SIZE, TARGET, THETA
+from sain_core.scene import MASS, RADIUS, STATE_NAMES, STATE_SIZE, THETA
 from sain_core.shapes.bodies import Bodies, check_scenes
 from sain_core.transitions import LIMITS as UNITS
-from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds
+from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds, travels
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import FRAMES, MIN_DISKS
 
@@ -202,14 +202,15 @@ class _RowMaker:
         goals, faults = self._goals(results, episodes, chosen)
         sound = np.array([push not in faults for push in chosen.tolist()], dtype=bool)
         pushes.keep_of(chosen, sound, SENSELESS, lambda _, push: faults[push])
+        moved = self._moved(before, after, episodes)
         if self._config.moved_only:
-            pushes.keep_of(chosen, _moved(before, after), NOT_MOVED)
+            pushes.keep_of(chosen, moved, NOT_MOVED)
         images = self._cameras.columns(results.column("push_id")[chosen])
         for times in images.values():
             pushes.keep_of(chosen, times != NEVER, UNSEEN)
         if not (kept := pushes.kept[chosen]).all():
-            chosen, before, after, physics, episodes, goals = (
-                array[kept] for array in (chosen, before, after, physics, episodes, goals)
+            chosen, before, after, physics, episodes, goals, moved = (
+                array[kept] for array in (chosen, before, after, physics, episodes, goals, moved)
             )
             images = {key: times[kept] for key, times in images.items()}
         if not len(chosen):
@@ -217,6 +218,7 @@ class _RowMaker:
         return RowBlock(
             chosen,
             _scene_columns(before, after, physics)
+            | {Column.MOVED: moved}
             | self._push_columns(results, chosen)
             | self._latched.columns(episodes, goals, count)
             | images,
@@ -230,6 +232,14 @@ class _RowMaker:
         faults = self._latched.goals.faults
         wrong = np.flatnonzero(np.isin(goals, list(faults))).tolist()
         return goals, {int(chosen[row]): faults[int(goals[row])] for row in wrong}
+
+    def _moved(self, before: Scenes, after: Scenes, episodes: ndarray) -> Mask:
+        """Return which pushes (M,) moved the target by 2 mm or more; see `travels`."""
+        moved = np.zeros(len(episodes), dtype=bool)
+        for episode in np.unique(episodes).tolist():
+            rows, bodies = episodes == episode, self._latched.bodies_of(episode)
+            moved[rows] = travels(before[rows], after[rows], bodies) >= MOVED
+        return moved
 
     def _push_columns(self, results: Results, chosen: ndarray) -> Columns:
         computed = COMPUTED + self._config.prior
@@ -353,13 +363,6 @@ class _Numbers(NamedTuple):
         return f"{name} is {value:g}; allowed: {least:g} to {most:g}{hint}"
 
 
-def _moved(before: Scenes, after: Scenes) -> Mask:
-    """Return which pushes moved the target, or the only body, by 2 mm or more (M,)."""
-    target = min(TARGET, before.shape[1] - 1)
-    travel = after[:, target, POSITION] - before[:, target, POSITION]
-    return np.asarray(np.hypot(travel[:, 0], travel[:, 1]) >= MOVED)
-
-
 def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> Columns:
     count = len(before)
     return {
@@ -368,7 +371,6 @@ def _scene_columns(before: Scenes, after: Scenes, physics: Scenes) -> Columns:
         Column.NEXT_STATE: after.reshape(count, -1),
         Column.MASSES: before[..., MASS],
         Column.RADII: before[..., RADIUS],
-        Column.MOVED: _moved(before, after),
     }
 
 

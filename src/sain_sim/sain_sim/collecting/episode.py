@@ -30,7 +30,7 @@ from sain_core.shapes.bodies import Bodies, Role
 from sain_core.shapes.library import check_shapes, get_shape, shape_names
 from sain_core.shapes.shape import outline_of
 from sain_core.shapes.solids import DISK
-from sain_core.transitions import MOVED, ROUGH, Column, Row, describe_bodies
+from sain_core.transitions import MOVED, ROUGH, Column, Row, describe_bodies, travels
 from sain_core.types import PushArray, Scene
 from sain_core.world import DivergedError, Outcome, ToppledError
 from sain_sim.collecting.shards import PushCounts
@@ -244,7 +244,7 @@ class EpisodeRunner:
                 floor = stack.enter_context(true)
             try:
                 for step, (push, outcome) in enumerate(self._pushes(random, counts)):
-                    travel = _travel(outcome, any_body=bool(self._config.shapes))
+                    travel = float(travels(outcome.before, outcome.after, parameters.bodies))
                     if travel >= MOVED or not self._config.moved_only:
                         kept.append(self._row(episode, step, push, outcome, travel >= MOVED, floor))
                     counts.carry_out(travel)
@@ -328,13 +328,6 @@ class EpisodeRunner:
         """Let go of the worlds."""
         self._world.close()
         self._shadow.close()
-
-
-def _travel(outcome: Outcome, any_body: bool) -> float:
-    """Return how far a push moved the target, or the body that moved farthest [m]."""
-    way = outcome.after[:, POSITION] - outcome.before[:, POSITION]
-    ways = np.linalg.norm(way, axis=1)
-    return float(ways.max() if any_body else ways[TARGET])
 
 
 def draw_parameters(
