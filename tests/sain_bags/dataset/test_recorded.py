@@ -1,5 +1,6 @@
 """Pushes of a real robot as a recording: the report, `to_dataset` and other tools read it."""
 
+import shutil
 from io import StringIO
 from pathlib import Path
 
@@ -139,7 +140,9 @@ def test_what_cannot_be_recorded_is_named(imported, tmp_path, monkeypatch):
     uneven = read_arrays(shard_path(imported, 0))
     uneven[Column.MOVED] = uneven[Column.MOVED][:-1]
     write_arrays(shard_path(tmp_path / "lacks", 0), uneven)
-    with pytest.raises(DatasetError, match="columns have different numbers of rows"):
+    with pytest.raises(
+        DatasetError, match=r"moved has shape .*; it should have \d+ rows, as action"
+    ):
         write_recording(tmp_path / "lacks", tmp_path / "bag")
     with pytest.raises(KeyboardInterrupt):
         write_recording(imported, tmp_path / "bag", _stop)
@@ -148,6 +151,25 @@ def test_what_cannot_be_recorded_is_named(imported, tmp_path, monkeypatch):
     with pytest.raises(InvalidInputError, match=r"no definition of .* is installed; .*\./env"):
         write_recording(imported, tmp_path / "bag")
     assert not (tmp_path / "bag").exists()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+@pytest.mark.parametrize(
+    "name",
+    [Column.STATE, Column.ACTION, Column.NEXT_STATE, Column.PHYSICS_NEXT, Column.DURATION],
+)
+def test_a_number_that_is_none_is_named_and_leaves_no_bag(imported, tmp_path, name, value):
+    damaged = Path(shutil.copytree(imported, tmp_path / "damaged"))
+    rows = read_arrays(shard_path(damaged, 0))
+    rows[name][3] = value
+    write_arrays(shard_path(damaged, 0), rows)
+    with pytest.raises(DatasetError) as raised:
+        write_recording(damaged, tmp_path / "bag")
+    assert str(raised.value) == f"{shard_path(damaged, 0)}: row 3 of {name} holds NaN or Inf"
+    assert not (tmp_path / "bag").exists()
+    if name != Column.DURATION:
+        with pytest.raises(DatasetError, match=f"row 3 of {name} holds NaN or Inf"):
+            load_dataset(damaged)
 
 
 def test_recordings_with_and_without_strokes_are_converted_apart(imported, episode_bag, tmp_path):

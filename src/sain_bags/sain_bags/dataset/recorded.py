@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 from collections.abc import Callable, Iterator
+from math import isnan
 from pathlib import Path
 from typing import Any, Final
 
@@ -18,24 +19,21 @@ from sain_bags.rows.results import OK, OUTLINES_KEY, SECOND
 from sain_bags.rows.topics import BODIES, PUSH_RESULT, SCENE, STROKE, WORLD
 from sain_bags.writing.messages import MessageMaker
 from sain_bags.writing.writer import BagWriter
-from sain_core.errors import DatasetError, InvalidInputError, OutputError
+from sain_core.errors import DatasetError, OutputError
 from sain_core.guarding.documents import read_json
-from sain_core.push import PUSH_NAMES, PUSH_SIZE, STROKE_NAMES, is_stroke
+from sain_core.push import PUSH_NAMES, PUSH_SIZE, STROKE_NAMES
 from sain_core.scene import RADIUS, STATE_NAMES
 from sain_core.shapes.bodies import Role
-from sain_core.shapes.library import register_outlines
 from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import support_points
-from sain_core.storage import read_arrays
+from sain_core.shard_reading import Values, read_shard
 from sain_core.transitions import (
     FRICTIONS,
-    NEEDED,
     ORIGINS,
     SHARD_PATTERN,
     Column,
     Columns,
-    as_scenes,
     row_bodies,
 )
 from sain_core.types import Scene
@@ -47,9 +45,10 @@ TOPICS: Final = {
     STROKE: "/sain/stroke", PUSH_RESULT: "/sain/push_result",
 }  # fmt: skip
 LATCHED: Final = (BODIES, WORLD)
-SCENES: Final = (Column.STATE, Column.NEXT_STATE, Column.PHYSICS_NEXT)
 LEFT: Final = 1 << 32  # added to the id of a scene that the next push does not begin in
-PHYSICS: Final = "physics"  # what predicted, where the data set names no model
+MORE: Final[Values] = {  # columns, with what is recorded where a data set lacks them
+    **dict.fromkeys(FRICTIONS, np.nan), Column.DURATION: 0.0, Column.PHYSICS_SOURCE: "physics",
+}  # fmt: skip
 
 Row = dict[str, Any]  # of `Columns`, with the bodies under `BODIES`
 Progress = Callable[[int, int], None]
@@ -61,13 +60,12 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
     `progress` is called with how many are written, and of how many.
 
     Raises:
-        DatasetError: the folder has no npz shards, or they lack a column.
+        DatasetError: the folder has no npz shards, or one of them is damaged or lacks a column.
         OutputError: there is something at `out`, or it cannot be written.
         InvalidInputError: no definitions of messages are installed.
     """
     if os.path.lexists(out):
         raise OutputError(f"{out} exists; a bag is never overwritten, choose another")
-    register_outlines(data)
     shards = [_read(path) for path in sorted(data.glob(SHARD_PATTERN))]
     if not shards:
         raise DatasetError(
@@ -104,18 +102,16 @@ def _offered(kind: str) -> tuple[TopicQos, ...]:
 
 def _read(path: Path) -> Columns:
     """Return the columns of a shard, with scenes (M, N, 8), and the bodies of each row."""
-    columns = read_arrays(path)
-    if missing := [name for name in (*NEEDED, Column.STEP) if name not in columns]:
-        raise DatasetError(f"{path} lacks {', '.join(missing)}")
-    if len({len(column) for column in columns.values()} | {0}) != 2:
-        raise DatasetError(f"{path} is empty, or its columns have different numbers of rows")
-    try:
-        is_stroke(columns[Column.ACTION])
-    except InvalidInputError as error:
-        raise DatasetError(f"{path}: {error}") from error
+    columns = read_shard(path, MORE)
+    for name in (Column.EPISODE, Column.STEP):
+        if (wrong := columns[name] < 0).any():
+            row = int(np.argmax(wrong))
+            raise DatasetError(
+                f"{path} lacks {name}, or row {row} has {columns[name][row]}; needed: 0 or more"
+            )
     bodies = np.empty(len(columns[Column.STATE]), dtype=object)
     bodies[:] = row_bodies(columns)
-    return columns | {name: as_scenes(columns[name]) for name in SCENES} | {BODIES: bodies}
+    return columns | {BODIES: bodies}
 
 
 def _in_order(shards: list[Columns]) -> Iterator[Row]:
@@ -145,11 +141,11 @@ class _Recorder:
             self._scene += int(row[Column.STEP] - self._last[Column.STEP])
         self._last, action = row, row[Column.ACTION].tolist()
         before = self._show(row[Column.STATE], self._scene, ids)
-        duration = float(row.get(Column.DURATION, 0.0))
+        duration = float(row[Column.DURATION])
         self._now += max(round(SECOND * duration), 1)
         after = self._show(row[Column.NEXT_STATE], self._scene + LEFT, ids)
         numbers = dict(zip(PUSH_NAMES[1:], action[1:PUSH_SIZE], strict=True))
-        names = {str(name): str(row.get(name, "")) for name in ORIGINS}
+        names = {str(name): str(row[name]) for name in ORIGINS}
         if len(action) > PUSH_SIZE:
             tool = dict(zip(STROKE_NAMES[PUSH_SIZE:], action[PUSH_SIZE:], strict=True))
             self._write(STROKE, push_id=number, **tool, **names)
@@ -158,7 +154,7 @@ class _Recorder:
             **ids, **numbers,
         )  # fmt: skip
         physics = self._disks(row[Column.PHYSICS_NEXT])
-        model = str(row.get(Column.PHYSICS_SOURCE, PHYSICS))
+        model = str(row[Column.PHYSICS_SOURCE])
         self._write(
             PUSH_RESULT, push_id=number, error_code=OK, push=pushed, before=before, after=after,
             duration=duration, prediction=self._make(
@@ -171,8 +167,8 @@ class _Recorder:
         bodies, radii = row[BODIES], row[Column.STATE][:, RADIUS].tolist()
         stated = zip(bodies.shapes, bodies.roles, bodies.tops, radii, strict=True)
         self._write(BODIES, bodies=[self._body(*one) for one in stated], **ids)
-        if Column.FRICTION in row:
-            known = {name: float(row[name]) for name in FRICTIONS}
+        known = {name: float(row[name]) for name in FRICTIONS}
+        if not all(map(isnan, known.values())):
             self._write(WORLD, **known, **ids)
 
     def _body(self, shape: Shape, role: Role, top: float, radius: float) -> Any:
