@@ -3,18 +3,21 @@ import pytest
 
 from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.push import make_push
-from sain_core.scene import MASS, RADIUS
+from sain_core.scene import MASS, RADIUS, make_scene
 from sain_core.shapes.bodies import Bodies
+from sain_core.storage import write_arrays
 from sain_core.transitions import (
     COLLECTED,
     IMPORTED,
     NEEDED,
+    NO_STEP,
     ORIGINS,
     RECORDED,
     SHAPED,
     Column,
     PushHistory,
     draw_parts,
+    read_shard,
     travels,
 )
 
@@ -44,8 +47,10 @@ def test_the_way_of_the_target_counts_where_only_other_bodies_move_it(roles, way
     after = before.copy()
     after[1, :, 0] = (0.04, 0.03, 0.05)[:count]
     bodies = Bodies.named(("disk",) * count, roles)
-    np.testing.assert_array_equal(travels(before, after, bodies), [0.0, way])
-    assert travels(before[1], after[1], bodies) == way
+    np.testing.assert_array_equal(travels(before, after, bodies.has_target), [0.0, way])
+    assert travels(before[1], after[1], bodies.has_target) == way
+    both = travels(after, before, np.array([bodies.has_target, False]))
+    np.testing.assert_array_equal(both, [0.0, max(way, *after[1, :, 0])])
 
 
 SCENE = np.zeros((2, 8))
@@ -99,3 +104,40 @@ def test_too_few_episodes_to_divide_are_refused_with_how_many_are_needed(test, l
     with pytest.raises(DatasetError, match=rf"at least {least} are needed; collect or convert"):
         draw_parts(np.arange(least - 1), 0, 0.1, test)
     assert [part.sum() for part in draw_parts(np.arange(least), 0, 0.1, test)][:2] == [1, 1]
+
+
+MORE = {Column.RIM_FRICTION: np.nan, Column.DURATION: 1.5, Column.PHYSICS_SOURCE: "theirs"}
+
+
+@pytest.fixture
+def shard():
+    scene = make_scene(np.array([(0.4, 0.0), (0.6, 0.1)]), np.full(2, 8.0), np.full(2, 0.05))
+    states = np.tile(scene.ravel(), (3, 1))
+    columns = dict.fromkeys((Column.STATE, Column.PHYSICS_NEXT, Column.NEXT_STATE), states)
+    pushes = np.tile(make_push(0.0, 0.0, 0.1), (3, 1))
+    return {**columns, Column.ACTION: pushes, Column.EPISODE: np.arange(3)}
+
+
+def test_what_a_shard_lacks_has_the_values_that_are_stated(shard, tmp_path):
+    write_arrays(tmp_path / "shard.npz", shard)
+    read = read_shard(tmp_path / "shard.npz", MORE)
+    assert read[Column.STATE].shape == (3, 2, 8)
+    assert np.isnan(read[Column.RIM_FRICTION]).all() and np.isnan(read[Column.FRICTION]).all()
+    assert read[Column.DURATION].tolist() == 3 * [1.5] and set(read[Column.STEP]) == {NO_STEP}
+    assert set(read[Column.PHYSICS_SOURCE]) == {"theirs"} and set(read[Column.OBJECT]) == {""}
+    assert not MORE.keys() & read_shard(tmp_path / "shard.npz").keys()
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "text"),
+    [
+        (Column.DURATION, [1.0, np.nan, 1.0], "row 1 of duration holds NaN or Inf"),
+        (Column.DURATION, np.ones((3, 2)), r"duration has shape \(3, 2\); it should be \(3,\)"),
+        (Column.RIM_FRICTION, [0.1, np.nan, np.inf], "row 2 of rim_friction holds Inf"),
+        (Column.PHYSICS_SOURCE, np.zeros(3), "physics_source is float64; it should be text"),
+    ],
+)
+def test_what_is_asked_for_is_checked_too(shard, tmp_path, name, values, text):
+    write_arrays(tmp_path / "shard.npz", {**shard, name: np.asarray(values)})
+    with pytest.raises(DatasetError, match=f"shard.npz: {text}"):
+        read_shard(tmp_path / "shard.npz", MORE)

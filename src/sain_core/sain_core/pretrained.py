@@ -14,7 +14,6 @@ from typing import Any, Final
 import numpy as np
 import torch
 from numpy import ndarray
-from safetensors import safe_open
 
 from sain_core.errors import CheckpointError, ConfigError
 from sain_core.guarding.documents import read_json
@@ -52,8 +51,6 @@ from lerobot.utils.utils import SuppressProgressBars  # noqa: E402
 
 __all__ = ["LeRobotDataset", "SuppressProgressBars", "load", "write_info", "write_stats"]
 
-PROCESSORS: Final = ("policy_preprocessor.json", "policy_postprocessor.json")
-
 
 class LeRobotPolicy(Policy):
     """A policy of any of LeRobot's classes, with the normalisation that it was trained with."""
@@ -80,11 +77,8 @@ class LeRobotPolicy(Policy):
             self._policy = get_policy_class(config.type).from_pretrained(folder, config=config)
         shapes = {key: tuple(one.shape) for key, one in config.input_features.items()}
         self.features = {k: s[1:] + s[:1] if _is_image(k) else s for k, s in shapes.items()}
-        for path in [state for name in PROCESSORS for state in _states(folder / name)]:
-            with _blaming(path), safe_open(path, "np"):  # LeRobot would look for it on its hub
-                pass
         device = {"device_processor": {"device": str(config.device)}}
-        with _blaming(folder):
+        with _blaming(f"one of {folder}/policy_*"):  # their own errors name what is missing
             both = make_pre_post_processors(config, str(folder), preprocessor_overrides=device)
         self._before, self._after = both
 
@@ -123,24 +117,15 @@ def load(name: str) -> LeRobotPolicy:
 
 
 @contextmanager
-def _blaming(path: Path) -> Iterator[None]:
-    """Raise `CheckpointError`, which names a file or folder, of what it makes others raise."""
+def _blaming(path: Path | str) -> Iterator[None]:
+    """Raise `CheckpointError`, which names a file, of what its content makes others raise."""
     try:
         yield
     except ImportError:  # a kind of policy may need more than LeRobot
         raise
     except Exception as error:  # LeRobot, draccus and safetensors raise many kinds
-        raise CheckpointError(
-            f"{path} is missing or damaged: {type(error).__name__}: {one_line(error)}; save or copy"
-            " the folder of the policy again"
-        ) from error
-
-
-def _states(path: Path) -> list[Path]:
-    """Return the files of numbers that a processor's file names."""
-    with _blaming(path):
-        steps = read_json(path)["steps"]
-        return [path.parent / step["state_file"] for step in steps if "state_file" in step]
+        why = f"{type(error).__name__}: {one_line(error)}; save or copy it again"
+        raise CheckpointError(f"{path} is missing or damaged: {why}") from error
 
 
 def _check_data_set(folder: Path) -> None:

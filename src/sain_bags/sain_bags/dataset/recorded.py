@@ -27,14 +27,15 @@ from sain_core.shapes.bodies import Role
 from sain_core.shapes.outlines import OUTLINES_FILE
 from sain_core.shapes.shape import Shape
 from sain_core.shapes.solids import support_points
-from sain_core.shard_reading import Values, read_shard
 from sain_core.transitions import (
     FRICTIONS,
     ORIGINS,
-    SHARD_PATTERN,
     Column,
     Columns,
+    Values,
+    read_shard,
     row_bodies,
+    shard_paths,
 )
 from sain_core.types import Scene
 from sain_core.wire.bodies import stated_parts
@@ -66,12 +67,7 @@ def write_recording(data: Path, out: Path, progress: Progress = lambda done, of:
     """
     if os.path.lexists(out):
         raise OutputError(f"{out} exists; a bag is never overwritten, choose another")
-    shards = [_read(path) for path in sorted(data.glob(SHARD_PATTERN))]
-    if not shards:
-        raise DatasetError(
-            f"{data} holds no shards of a data set; `collect`, `real_import`, and `to_dataset` with"
-            " the format npz write them"
-        )
+    shards = [_read(path) for path in shard_paths(data)]
     messages, outlines = MessageMaker(), data / OUTLINES_FILE
     has_strokes = any(shard[Column.ACTION].shape[1] > PUSH_SIZE for shard in shards)
     topics = [
@@ -103,12 +99,8 @@ def _offered(kind: str) -> tuple[TopicQos, ...]:
 def _read(path: Path) -> Columns:
     """Return the columns of a shard, with scenes (M, N, 8), and the bodies of each row."""
     columns = read_shard(path, MORE)
-    for name in (Column.EPISODE, Column.STEP):
-        if (wrong := columns[name] < 0).any():
-            row = int(np.argmax(wrong))
-            raise DatasetError(
-                f"{path} lacks {name}, or row {row} has {columns[name][row]}; needed: 0 or more"
-            )
+    if (wrong := np.minimum(columns[Column.EPISODE], columns[Column.STEP]) < 0).any():
+        raise DatasetError(f"{path}: row {np.argmax(wrong)} lacks an episode or step of 0 or more")
     bodies = np.empty(len(columns[Column.STATE]), dtype=object)
     bodies[:] = row_bodies(columns)
     return columns | {BODIES: bodies}

@@ -202,7 +202,8 @@ class _RowMaker:
         goals, faults = self._goals(results, episodes, chosen)
         sound = np.array([push not in faults for push in chosen.tolist()], dtype=bool)
         pushes.keep_of(chosen, sound, SENSELESS, lambda _, push: faults[push])
-        moved = self._moved(before, after, episodes)
+        has_target = [self._latched.bodies_of(one).has_target for one in episodes.tolist()]
+        moved = travels(before, after, np.array(has_target, dtype=bool)) >= MOVED
         if self._config.moved_only:
             pushes.keep_of(chosen, moved, NOT_MOVED)
         images = self._cameras.columns(results.column("push_id")[chosen])
@@ -232,14 +233,6 @@ class _RowMaker:
         faults = self._latched.goals.faults
         wrong = np.flatnonzero(np.isin(goals, list(faults))).tolist()
         return goals, {int(chosen[row]): faults[int(goals[row])] for row in wrong}
-
-    def _moved(self, before: Scenes, after: Scenes, episodes: ndarray) -> Mask:
-        """Return which pushes (M,) moved the target by 2 mm or more; see `travels`."""
-        moved = np.zeros(len(episodes), dtype=bool)
-        for episode in np.unique(episodes).tolist():
-            rows, bodies = episodes == episode, self._latched.bodies_of(episode)
-            moved[rows] = travels(before[rows], after[rows], bodies) >= MOVED
-        return moved
 
     def _push_columns(self, results: Results, chosen: ndarray) -> Columns:
         computed = COMPUTED + self._config.prior

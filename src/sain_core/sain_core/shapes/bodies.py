@@ -21,6 +21,7 @@ from sain_core.scene import (
     OVERLAP_TOLERANCE,
     POSITION,
     RADIUS,
+    TARGET,
     Table,
     check_states,
     surface_gaps,
@@ -124,6 +125,11 @@ class Bodies:
     def has_paper_roles(self) -> bool:
         """Whether only body 0 is pushable and all others are movable."""
         return self.roles == _paper_roles(len(self))
+
+    @cached_property
+    def has_target(self) -> bool:
+        """Whether body 1 is moved by other bodies alone, as the paper's target."""
+        return self.roles[TARGET:][:1] == (Role.MOVABLE,)
 
     @cached_property
     def are_paper_disks(self) -> bool:

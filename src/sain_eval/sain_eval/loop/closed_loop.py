@@ -207,10 +207,7 @@ def _policy(name: str) -> tuple[Policy, TimedCall]:
 
 
 def features_of(name: str) -> Shapes:
-    """Return the shapes that a controller observes; empty: of any scene. Raises as `agent_maker`.
-
-    All but policies take any scene.
-    """
+    """Return the shapes that a policy of this name observes; empty: any, or it is no policy."""
     return _policy(name)[0].features if name.startswith(POLICY) else ANY
 
 

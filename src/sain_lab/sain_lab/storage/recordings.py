@@ -12,10 +12,8 @@ from sain_bags.dataset.rows import ConversionConfig
 from sain_core.errors import DatasetError
 from sain_core.scratch import scratch_folder
 from sain_core.shapes.bodies import bodies_named
-from sain_core.shard_reading import NO_STEP, read_shard
-from sain_core.transitions import SHAPED, Column, Columns
+from sain_core.transitions import NO_STEP, SHAPED, Column, Columns, read_shard, shard_paths
 from sain_lab.storage.results import Result
-from sain_model.data.dataset import shard_paths
 
 
 def read_recording(path: Path) -> Iterator[Result]:

@@ -24,21 +24,19 @@ from numpy import ndarray
 
 from sain_core.errors import DatasetError
 from sain_core.guarding.documents import read_json
-from sain_core.guarding.kinds import describe
-from sain_core.push import (
-    idle_pushes,
-    mirror_pushes,
-)
+from sain_core.push import idle_pushes, mirror_pushes
 from sain_core.scene import POSE, mirror_scenes
 from sain_core.shapes.bodies import bodies_named
-from sain_core.shard_reading import NO_STEP, read_shard
 from sain_core.transitions import (
     COLLECTION_FILE,
     NEEDED,
+    NO_STEP,
     SHAPED,
     Column,
     Columns,
     draw_parts,
+    read_shard,
+    shard_paths,
 )
 from sain_core.types import Mask, Scalars, Scenes
 from sain_model.inference.evidence import ObservedPushes
@@ -187,18 +185,6 @@ def split_by_episode(data: Dataset, seed: int, validation: float, test: float) -
 
 
 # --- reading --------------------------------------------------------------------------------------
-
-
-def shard_paths(path: Path) -> list[Path]:
-    """Return the paths of a folder's shards, in the order of names; a shard's own is alone.
-
-    Raises `DatasetError`: the folder has none.
-    """
-    shards = sorted(path.glob("*.npz")) if path.is_dir() else [path]
-    if not shards:
-        what = describe(path)
-        raise DatasetError(f"{path} holds no shards *.npz" + (f"; it {what}" if what else ""))
-    return shards
 
 
 def _read_folder(path: Path) -> Iterable[tuple[Part, str]]:

@@ -150,10 +150,7 @@ class TopicPoses:
             raise DatasetError(f"{path} has no poses of {self._frame!r} on {self.topic}; {has}")
         if not self._rows:
             has = ", ".join(sorted(held)) or "none"
-            raise DatasetError(
-                f"{path} has no topic {self.topic} with messages; give the whole name of one that"
-                f" it has: {has}"
-            )
+            raise DatasetError(f"{path} has no topic {self.topic} with messages; give one of {has}")
         if not self._frame and len(self._others) > 1:
             raise DatasetError(
                 f"{path}: {self.name} has poses of {named}; name one frame: {self.topic}:FRAME"

@@ -108,10 +108,7 @@ class PolicyDecider(Decider):
 
 
 class TimedCall:
-    """Calls what may never return, all in one thread that does not outlive the process.
-
-    What is called may keep a state for each thread, as CUDA and SQLite do.
-    """
+    """Calls what may never return, all in one thread, which does not outlive the process."""
 
     def __init__(self) -> None:
         self._waiting = SimpleQueue[Waiting | None]()

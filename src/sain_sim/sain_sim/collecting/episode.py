@@ -244,7 +244,8 @@ class EpisodeRunner:
                 floor = stack.enter_context(true)
             try:
                 for step, (push, outcome) in enumerate(self._pushes(random, counts)):
-                    travel = float(travels(outcome.before, outcome.after, parameters.bodies))
+                    has_target = parameters.bodies.has_target
+                    travel = float(travels(outcome.before, outcome.after, has_target))
                     if travel >= MOVED or not self._config.moved_only:
                         kept.append(self._row(episode, step, push, outcome, travel >= MOVED, floor))
                     counts.carry_out(travel)
