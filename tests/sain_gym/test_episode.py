@@ -65,7 +65,7 @@ def test_ten_refusals_from_one_scene_end_an_episode_and_do_not_pay():
         assert not episode.refuse(PUSH, BlockedError("no")).terminated
     last = episode.refuse(PUSH, BlockedError("no"))
     assert last == (pytest.approx(-15 * away - COST), True, False)
-    assert episode.failure == "10 pushes in a row were refused from this scene"
+    assert episode.failure == "10 pushes in a row were refused from this scene, the last: no"
     assert (episode.pushes, episode.refusals) == (1, 19)
     assert episode.info()["refusal_code"] == ErrorCode.BLOCKED
 

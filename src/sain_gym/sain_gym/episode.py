@@ -105,7 +105,8 @@ class PushEpisode:
         if is_final(error):
             return self._fail(f"{type(error).__name__}: {error}")
         if self._refused >= MOST_REFUSALS:
-            return self._fail(f"{self._refused} pushes in a row were refused from this scene")
+            several = f"{self._refused} pushes in a row were refused from this scene"
+            return self._fail(f"{several}, the last: {error}")
         return StepVerdict(-self.miss - self._refusal_cost, False, False)
 
     def _fail(self, failure: str) -> StepVerdict:

@@ -34,9 +34,9 @@ def test_an_installed_package_offers_its_shapes(offered):
 @pytest.mark.parametrize(
     ("target", "message"),
     [
-        ("offering:NUMBER", "of the package of offering: offering:NUMBER is a int; it must be a"),
-        ("offering:NONE", "cannot be loaded: AttributeError: .*; repair or uninstall that package"),
-        ("missing_package:SHAPE", "ModuleNotFoundError: No module named 'missing_package'"),
+        ("offering:NUMBER", "of module offering: offering:NUMBER is a int; it must be a"),
+        ("offering:NONE", "cannot be loaded: AttributeError: .*; repair it"),
+        ("missing_package:SHAPE", "No module named 'missing_package'; is its folder on PYTHONPATH"),
         ("offering:HEXAGON", "has the name 'six_sided'; entry point and shape must have one name"),
     ],
 )
@@ -52,6 +52,6 @@ def test_an_offer_that_fails_is_named_and_disturbs_no_other(offered, target, mes
 def test_a_shape_of_two_packages_is_refused_and_names_both(offered):
     offered.append(EntryPoint("six_sided", "offering:HEXAGON", GROUP))
     offered.append(EntryPoint("six_sided", "other:HEXAGON", GROUP))
-    message = r"offered by the package of offering \(offering:HEXAGON\) and the package of other"
+    message = r"offered by module offering \(offering:HEXAGON\) and module other"
     with pytest.raises(ConfigError, match=message):
         get_shape("six_sided")

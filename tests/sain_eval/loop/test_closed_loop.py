@@ -94,7 +94,9 @@ def test_refused_pushes_are_counted_and_move_nothing():
     outcome = play_stubborn([3.0, 0.0, 0.1])  # through the target
     limit = AgentConfig().max_refusals
     assert outcome.refusals == limit and outcome.record.pushes == ()
-    assert outcome.failure == f"NoPushError: {limit} pushes in a row were refused from this scene"
+    assert outcome.failure.startswith(
+        f"NoPushError: {limit} pushes in a row were refused from this scene, the last: the "
+    )
     np.testing.assert_allclose(outcome.final[MID], PAPER.disks[MID], atol=1e-6)
 
 

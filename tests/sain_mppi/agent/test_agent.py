@@ -137,10 +137,13 @@ def test_refused_pushes_are_replaced_until_the_limit(agent, scene):
     decision, pushes = begun(agent, scene), []
     for _ in range(CONFIG.max_refusals):
         pushes.append(pushed(decision).push)
-        decision = act(agent, PushEnded(decision.push_id, ErrorCode.BLOCKED))
+        decision = act(agent, PushEnded(decision.push_id, ErrorCode.BLOCKED, message="no way"))
     stop, sent = stopped(decision), agent.pushes
     assert sent == 0
-    assert stop.failure == "NoPushError: 10 pushes in a row were refused from this scene"
+    assert (
+        stop.failure
+        == "NoPushError: 10 pushes in a row were refused from this scene, the last: no way"
+    )
     apart = [np.abs(a - b).max() for i, a in enumerate(pushes) for b in pushes[:i]]
     assert min(apart) > 0.02
 

@@ -134,7 +134,7 @@ def offer(monkeypatch, function):
 @pytest.mark.parametrize(
     ("value", "moving", "text"),
     [
-        (np.nan, True, "cost 'mine' of the package of my_parts: it is NaN for all 64 samples; it"),
+        (np.nan, True, "cost 'mine' of module my_parts: it is NaN for all 64 samples; it"),
         (np.inf, True, "it is NaN or infinite for all 64 samples; it must return finite numbers"),
         (np.nan, False, "it is NaN for doing nothing; it must return finite numbers"),
         ("a", False, "it returned <U1; it must be real numbers"),

@@ -121,10 +121,14 @@ class Plugins:
             raise
         except (Exception, SystemExit) as error:  # a package ends no process that loads it
             others = ", ".join(other for other in self.names() if other != entry.name) or "none"
+            advice = f"repair or uninstall that package. Others: {others}"
+            if entry.dist is None:
+                named = getattr(error, "name", None) if isinstance(error, ImportError) else None
+                unknown = f"{entry.module}.".startswith(f"{named}.")
+                advice = "is its folder on PYTHONPATH?" if unknown else "repair it"
             raise ConfigError(
                 f"{self.what} {(name or entry.name)!r} of {package_of(entry)} {what}:"
-                f" {type(error).__name__}: {error}; repair or uninstall that package."
-                f" Others: {others}"
+                f" {type(error).__name__}: {error}; {advice}"
             ) from error
 
     def wrong(self, entry: EntryPoint, problem: str, name: str = "") -> ConfigError:
@@ -156,7 +160,7 @@ def _plain(name: str) -> str:
 def package_of(entry: EntryPoint) -> str:
     """Return name and version of the package that offers something."""
     if entry.dist is None:
-        return f"the package of {entry.module}"
+        return f"module {entry.module}"
     return f"package {entry.dist.name} {entry.dist.version}"
 
 

@@ -49,5 +49,8 @@ def run(options: VerifyOptions, console: Console) -> int:
         )
     if str(root) not in sys.path:
         sys.path.insert(0, str(root))
-    benchmark: Any = import_module(MODULE)
+    try:
+        benchmark: Any = import_module(MODULE)
+    except ModuleNotFoundError as error:
+        raise ConfigError(f"verify needs {error.name}: ./env --with test true") from error
     return int(benchmark.verify(options, console))

@@ -123,9 +123,8 @@ class Play:
         """Take what came of a push; return what the agent decides then."""
         if record.code != ErrorCode.OK:
             self.refusals += 1
-            return (
-                None if self.failure else act(self._agent, PushEnded(decision.push_id, record.code))
-            )
+            refused = PushEnded(decision.push_id, record.code, message=record.message)
+            return None if self.failure else act(self._agent, refused)
         self.scene, self._count = record.after, self._count + 1
         self.fallbacks += decision.failure is not None
         ended = PushEnded(decision.push_id, ErrorCode.OK, self._sight.time, record, EPISODE)

@@ -175,7 +175,7 @@ class Agent:
             case PushEnded():
                 if event.record is not None and self._exact:
                     self._remember(event.episode_id, event.record)  # else only own, as estimated
-                self._end_push(event.push_id, event.code, event.time)
+                self._end_push(event.push_id, event.code, event.time, event.message)
             case GoalGiven():
                 return (*self._set_goal(event), *self._next())
             case GoalCancelled():
@@ -253,9 +253,9 @@ class Agent:
         full = len(history) >= MOST_PUSHES
         self._history = episode_id, history.latest(KEPT_PUSHES) if full else history
 
-    def _end_push(self, push_id: int, code: int, time: float) -> None:
+    def _end_push(self, push_id: int, code: int, time: float, why: str = "") -> None:
         self._estimator.ended(push_id, code, time)
-        self._tracker.ended(push_id, code)
+        self._tracker.ended(push_id, code, why)
 
     def _cancel(self, event: GoalCancelled) -> tuple[Action, ...]:
         task, self._tracker.task = self._tracker.task, None

@@ -79,6 +79,7 @@ class PushEnded:
     time: float = 0.0  # when it ended [s], by the clock of the scenes
     record: PushRecord | None = None  # of a push that was executed; None: its scenes are unknown
     episode_id: int = 0  # of the record
+    message: str = ""  # why it was refused
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,6 +42,7 @@ class GoalTracker:
         self.start: SceneObserved | None = None
         self.session = self.pushes = 0
         self.refused: tuple[PushArray, ...] = ()
+        self._why = ""  # the last of them was refused
         self._decided: tuple[int, int] | None = None
         self._awaited: tuple[int, float] | None = None  # push id and when it was sent
         self._unanswered: dict[int, PushArray] = {}
@@ -93,7 +94,8 @@ class GoalTracker:
             return Stop(task, StopReason.EXHAUSTED, job)
         count = len(job.problem.refused)
         if count >= self._max_refusals:
-            error = NoPushError(f"{count} pushes in a row were refused from this scene")
+            last = f", the last: {self._why}" if self._why else ""
+            error = NoPushError(f"{count} pushes in a row were refused from this scene{last}")
             return Stop(task, StopReason.FAILED, job, error)
         return None
 
@@ -109,8 +111,8 @@ class GoalTracker:
         self._latest = push_id
         self.pushes += 1
 
-    def ended(self, push_id: int, code: int) -> None:
-        """Take note of what became of a push.
+    def ended(self, push_id: int, code: int, why: str = "") -> None:
+        """Take note of what became of a push, and why it was refused.
 
         A push refused for its scene waits for the next scene to arrive, others for nothing.
         """
@@ -122,7 +124,7 @@ class GoalTracker:
         if awaited:
             self._awaited = self._decided = None
         if awaited and code not in LOOK_AGAIN:
-            self.refused = (*self.refused, push)
+            self.refused, self._why = (*self.refused, push), why
             return
         self.start = None  # nothing that was planned holds any more
         if awaited:

@@ -32,7 +32,8 @@ def event_of(message: PushResult, logger: RcutilsLogger) -> PushEnded:
         except SainError as error:
             logger.warning(f"push {message.push_id} is left out of the history: {error}")
     time = decode_time(message.header.stamp)
-    return PushEnded(message.push_id, message.error_code, time, record, message.episode_id)
+    about = message.episode_id, message.error_message
+    return PushEnded(message.push_id, message.error_code, time, record, *about)
 
 
 class Notes:
