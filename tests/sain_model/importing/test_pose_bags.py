@@ -65,12 +65,13 @@ def write_bag(
     base: str = "world",
     spoilt: int = 0,
     back: float = 0.0,
+    rests: bool = False,
 ) -> Path:
     """Write a bag of ROS 1: the tool stands, pushes, stands, and goes to its next start above.
 
     While it stands after a push, a hand takes the body away. Poses of the tool are in a frame
     `base`, with noise [m]. One in `spoilt` poses of the body has no quaternion. After a push the
-    tool goes back by a share of it, without a rest.
+    tool goes back by a share of it, and `rests` before and after, or not.
     """
     now, kinds = (
         1_500_000_000_000_000_000,
@@ -110,12 +111,14 @@ def write_bag(
             for share in (*np.zeros(RATE // 2), *way, *np.ones(RATE // 2)):
                 at(before, last + share * (start - last), UP)
             ways = np.linspace(0.0, 1.0, round(RATE * float(np.linalg.norm(end - start) / speed)))
-            rest = np.zeros(0) if back else np.ones(RATE // 2)
+            rest = np.ones(RATE // 2) if rests or not back else np.zeros(0)
             for share in (*np.zeros(RATE // 2), *ways, *rest):
                 at(before + share * (after - before), start + share * (end - start))
             for share in np.linspace(0.0, back, 20 * bool(back)):
                 at(after, end - share * (end - start))
             last = end - back * (end - start)
+            for _ in range(RATE // 2 * rests):
+                at(after, last)
             for _ in range(RATE // 2):
                 at(after + AWAY, last)
     return path
@@ -149,6 +152,12 @@ def test_a_way_there_and_back_is_no_push(rows, tmp_path):
     bag = write_bag(tmp_path / "mine.bag", rows, back=0.4)
     with pytest.raises(DatasetError, match="holds no push"):
         read_recordings([bag], write_stated(tmp_path), TIP, topics=TOPICS)
+
+
+def test_a_way_back_after_a_rest_is_no_push(rows, tmp_path):
+    bag = write_bag(tmp_path / "mine.bag", rows, back=0.6, rests=True)
+    found = read_recordings([bag], write_stated(tmp_path), TIP, topics=TOPICS)
+    np.testing.assert_allclose(found.pushes.tip_end, rows.tip_end, atol=3e-5)
 
 
 def test_poses_of_two_frames_are_an_error(rows, tmp_path):

@@ -1,7 +1,8 @@
 """Pushes in bags of ROS 1 and ROS 2, from the poses of a body and of a tool, by `rosbags`.
 
 A push is a straight and level way of the tool from one stop to the next, at the height of those
-that move the body. Bodies are read at rest: last before the tool starts, first after it stopped.
+that move the body, and not back along the way before. Bodies are read at rest: last before the
+tool starts, first after it stopped.
 """
 
 from collections import Counter
@@ -34,6 +35,7 @@ OLD: Final = 0.5  # [s], before a push, when the body must have been seen
 BENDS: Final = 0.002  # [m], from the straight way of a push, at most
 RISES: Final = 0.005  # [m], likewise, in height
 MIDDLE: Final = (0.1, 0.9)  # shares of a way, between which its speed is taken
+BACK: Final = 0.98  # cosine of the most that a way back is off the way before it
 LEVEL: Final = 0.02  # [m], of a way off the height of those that move the body
 
 
@@ -91,12 +93,12 @@ def read_pose_bag(path: Path, topics: PoseTopics | None) -> tuple[RealPushes, li
         if is_push and before is not None and after is not None:
             rows.append((before, after, way[0], way[-1], np.array(speed)))
     level = _level(rows)
-    pushes = [row for row in rows if abs(row[2][2] - level) <= LEVEL]
+    pushes = [row for row in _onward(rows) if abs(row[2][2] - level) <= LEVEL]
     if not pushes:
         raise DatasetError(
             f"{path} holds no push: none of {len(runs)} ways of {topics.tool} is straight within"
             f" {1e3 * BENDS:g} mm and level within {1e3 * RISES:g} mm, with {topics.body} seen at"
-            " rest before it, and elsewhere after it"
+            " rest before and after it, and moved by one at least"
         )
     if others := len(runs) - len(pushes):
         notes.append(f"{path}: {others} ways of the tool are no pushes")
@@ -272,8 +274,23 @@ def _level(rows: list[tuple[ndarray, ...]]) -> float:
 
     NaN: none does.
     """
-    moved = [row for row in rows if (np.abs(row[1] - row[0]) > STILL).any()]
-    return float(min((row[2][2] for row in moved), default=np.nan))
+    return float(min((row[2][2] for row in rows if _is_moved(row)), default=np.nan))
+
+
+def _onward(rows: list[tuple[ndarray, ...]]) -> Iterator[tuple[ndarray, ...]]:
+    """Yield the ways but those on which the tool went back, and left the body where it was."""
+    end, before = np.full(3, np.nan), np.zeros(3)
+    for row in rows:
+        along = row[3] - row[2]
+        goes_back = before @ along < -BACK * np.linalg.norm(before) * np.linalg.norm(along)
+        goes_back &= np.linalg.norm(row[2] - end) <= LEVEL
+        if _is_moved(row) or not goes_back:
+            yield row
+        end, before = row[3], along
+
+
+def _is_moved(row: tuple[ndarray, ...]) -> bool:
+    return bool((np.abs(row[1] - row[0]) > STILL).any())
 
 
 def _before(times: ndarray, poses: ndarray, begin: float) -> ndarray | None:
