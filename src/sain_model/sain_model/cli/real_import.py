@@ -98,7 +98,8 @@ def run(options: RealImportOptions, console: Console) -> None:
     shards = write_imported(options.out, made, card)
     for text in _report(found, made):
         console.print(text, soft_wrap=True, markup=False, highlight=False)
-    console.print(f"written to {options.out}: {shards} shards", soft_wrap=True, highlight=False)
+    rows = f"{len(made.columns[Column.STATE]):,} pushes in {shards} files"
+    console.print(f"written to {options.out}: {rows}", soft_wrap=True, highlight=False)
 
 
 def _check_same(out: Path, card: dict[str, Any]) -> None:
@@ -112,7 +113,7 @@ def _check_same(out: Path, card: dict[str, Any]) -> None:
     differ = [name for name, value in card.items() if there.get(name) != value]
     if differ:
         raise OutputError(
-            f"{out} holds another data set (its {CARD_FILE} has another {differ[0]});"
+            f"{out} holds another data set (its {CARD_FILE} differs in {differ[0]});"
             " choose another folder, or --overwrite"
         )
 
