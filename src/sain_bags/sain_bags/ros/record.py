@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 PASS_PERIOD: Final = 0.01  # [s] between passes over all topics, also how soon a signal is noticed
 DRAIN_PASSES: Final = 30  # after the stop: a packet that got lost is sent again within some 0.1 s
-FULL_PASSES: Final = 5  # likewise, where they have taken too long
-DRAIN_TIME: Final = 1.0  # [s], at most, while more passes find messages
+DRAIN_TIME: Final = 1.0  # [s], at most: there is always more of some topics ...
+LEAST_PASSES: Final = 5  # ... but for so many passes
 BEAT_PERIOD: Final = 0.1  # [s] between signs of life while files are ended
 SILENCE: Final = 5.0  # [s] after which nothing seems to be published
 REST: Final = 0.5  # [s] from the first message until the other topics are discovered, too
@@ -190,10 +190,10 @@ def about_silence(recorder: "Recorder", silent: tuple[str, ...]) -> dict[str, st
 
 def drain(recorder: "Recorder") -> None:
     """Take what was said before the stop, also what comes late."""
-    enough, passes, taken = time.monotonic() + DRAIN_TIME, 0, 0
-    # Passes are counted: for a process that was halted, time passes too. Full ones take long.
-    while passes < (DRAIN_PASSES if time.monotonic() < enough + DRAIN_TIME else FULL_PASSES) or (
-        taken and time.monotonic() < enough
+    begun, passes, taken = time.monotonic(), 0, 0
+    # Passes are counted, too: for a process that was halted, time passes as well.
+    while passes < LEAST_PASSES or (
+        (passes < DRAIN_PASSES or taken) and time.monotonic() < begun + DRAIN_TIME
     ):
         taken = recorder.work()
         passes += 1
