@@ -316,7 +316,9 @@ def test_another_data_set_is_replaced_only_with_overwrite(rows, tmp_path):
     before = (out / "card.json").read_bytes()
     lines = path.read_text().splitlines(keepends=True)
     path.write_text("".join(lines[:-1]))
-    with pytest.raises(OutputError, match=r"holds another data set .*differs in sources.*--overwrite"):
+    with pytest.raises(
+        OutputError, match=r"holds another data set .*differs in sources.*--overwrite"
+    ):
         convert(out, path)
     assert (out / "card.json").read_bytes() == before
     fewer, _ = convert(out, path, overwrite=True)
