@@ -34,6 +34,7 @@ from sain_model.data.dataset import load_dataset
 from sain_model.dynamics.load import load_shipped
 from sain_model.evaluation.errors import MM, PRIOR_HISTORY, PUSHED, SAIN, SAIN_HISTORY
 from sain_model.evaluation.errors import evaluate as errors_of
+from sain_sim.world.engines import OFFERED
 
 RESULTS: Final = "docs/reference/results.md"
 REAL: Final = "docs/reference/real.md"
@@ -73,10 +74,15 @@ def loops(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
     claims, pairs, skipped = solved_claims(RESULTS), Pairs(), list[str]()
     text = (ROOT / RESULTS).read_text(encoding="utf-8")
     for place, found in enumerate(COMMAND.finditer(text)):
+        words, why = shlex.split(found["words"]), ""
         if found["rest"]:
-            skipped.append(f"{RESULTS}, {found['world']}: commit of its command{found['rest']}")
+            why = f"commit of its command{found['rest']}"
+        elif "--engine" in words and (engine := words[words.index("--engine") + 1]):
+            why = "" if engine in OFFERED.names() else f"engine {engine} is not installed"
+        if why:
+            skipped.append(f"{RESULTS}, {found['world']}: {why}")
             continue
-        options = read_options(EvaluateOptions, "", shlex.split(found["words"]), True)
+        options = read_options(EvaluateOptions, "", words, True)
         name = f"{RESULTS}, {found['world']}, {options.scenario}, {options.controllers}"
         scenes = max(min(round(share * SCENES), options.scenes), 1)
         first = FIRST * (1 + seed) + 1000 * place
@@ -87,7 +93,7 @@ def loops(request: VerifyOptions, console: Console) -> tuple[Pairs, list[str]]:
         for group, some in groupby(records, lambda one: one.group):
             measured = _of_scenes(rows := [*some], generator(seed, *map(str, group)))
             turn = group[3] if any(one.has_heading for one in rows) else 0.0
-            within, model = tolerance_text(group[2], turn), CONTROLLER_NAMES[group[1]]
+            within, model = tolerance_text(group[2], turn), CONTROLLER_NAMES.get(group[1], group[1])
             stated = claims.pop((group[0], within, model, found["world"]), [])
             pairs += [(one, measured[one.what]) for one in stated if one.what in measured]
     rest = [f"{one[0].page}, {one[0].row}: no command of its page" for one in claims.values()]

@@ -72,6 +72,7 @@ def test_a_body_that_tips_over_is_named_and_the_planner_says_why_it_waits(
     tipped[:, 640:] = picture[:, 640:]  # the other body stands
     text = "body 0 (mug) is tilted by 35 degrees: it has tipped over; stand it up again"
     camera_topics.show_until(tipped, lambda: not graph.heard["scene"][-1].settled, "an end of rest")
+    graph.spin(0.5)  # until the planner has heard of it, too, before the goal comes
     graph.heard["scene"].clear()
     graph.aim((0.5, 0.0), 1)
     waits = f"waits for a scene at rest: the pose of {text}"
