@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from math import isfinite, sqrt
+from statistics import median
 from typing import Final, NamedTuple
 
 from benchmarks.verify.pages import Claim
@@ -9,6 +10,7 @@ from benchmarks.verify.pages import Claim
 LEVEL: Final = 0.05  # probability that one or more of all figures is outside by chance
 FEWEST: Final = 3  # values of a mean
 WIDTH: Final = 2 * 1.96  # standard errors of a 95 % interval
+PRIOR: Final = 4  # degrees of freedom of the usual spread
 
 
 class Measured(NamedTuple):
@@ -29,12 +31,14 @@ class Judged(NamedTuple):
     inside: bool
 
 
-def probability(claim: Claim, new: Measured) -> float:
+def probability(claim: Claim, new: Measured, usual: float = 0.0) -> float:
     """Return the two-sided probability of a difference as large by chance; NaN: cannot be judged.
 
     Shares are compared by Fisher's exact test. Means are compared by the difference over its
     standard error with Student's distribution; where the page states no interval, its spread is
-    taken to be that of the new sample.
+    taken to be that of the new sample. Few values may lie close to each other by chance. So
+    variances are moderated by the `usual` spread of such figures, over their mean (Smyth 2004,
+    https://doi.org/10.2202/1544-6115.1027); 0: it is not known.
     """
     from scipy.stats import fisher_exact, t
 
@@ -45,7 +49,11 @@ def probability(claim: Claim, new: Measured) -> float:
         return float(fisher_exact(counts).pvalue)
     if new.n < FEWEST or not isfinite(new.high - new.low):
         return float("nan")
-    own = (new.high - new.low) / WIDTH * sqrt(new.n / (new.n - 1))
+    own, freedom = _error(new), new.n - 1
+    if usual and claim.bounds is None:
+        expected = usual * max(abs(new.value), abs(claim.value)) / sqrt(new.n)
+        total = freedom + PRIOR
+        own, freedom = sqrt((freedom * own**2 + PRIOR * expected**2) / total), total
     if claim.bounds is not None:
         theirs = (claim.bounds[1] - claim.bounds[0]) / WIDTH
     else:
@@ -54,12 +62,28 @@ def probability(claim: Claim, new: Measured) -> float:
     off = max(abs(new.value - claim.value) - claim.digit, 0.0)
     if not error:  # all values are equal, as of a few scenes that each took three pushes
         return float("nan") if off else 1.0
-    return float(2.0 * t.sf(off / error, new.n - 1))
+    return float(2.0 * t.sf(off / error, freedom))
+
+
+def _error(new: Measured) -> float:
+    """Return the standard error of a mean."""
+    return (new.high - new.low) / WIDTH * sqrt(new.n / (new.n - 1))
+
+
+def _spreads(pairs: Sequence[tuple[Claim, Measured]]) -> dict[str, float]:
+    """Return the median spread of values over their mean, by what they are."""
+    found: dict[str, list[float]] = {}
+    for claim, new in pairs:
+        if claim.what != "solved" and new.n >= FEWEST and new.value:
+            one = _error(new) * sqrt(new.n) / abs(new.value)
+            found.setdefault(claim.what, []).append(one)
+    return {what: median(filter(isfinite, some)) for what, some in found.items()}
 
 
 def judge(pairs: Sequence[tuple[Claim, Measured]], level: float = LEVEL) -> list[Judged]:
     """Return all figures, judged by Holm's method (1979): together they err by `level` at most."""
-    chances = [probability(*pair) for pair in pairs]
+    usual = _spreads(pairs)
+    chances = [probability(one, new, usual.get(one.what, 0.0)) for one, new in pairs]
     judged = sorted((chance, place) for place, chance in enumerate(chances) if isfinite(chance))
     outside = set[int]()
     for rank, (chance, place) in enumerate(judged):
