@@ -110,6 +110,18 @@ def test_a_figure_is_outside_only_where_both_are_no_chance(claim, new, inside):
     assert judged.inside == inside
 
 
+def test_few_values_that_lie_close_to_each_other_are_judged_by_the_usual_spread():
+    usual = [
+        (Claim("page.md", f"{n}", "s", 5.0, 100, None), Measured(5.0, 4, 3.5, 6.5))
+        for n in range(9)
+    ]
+    close = (Claim("page.md", "a", "s", 5.1, 100, None), Measured(7.8, 4, 7.7, 7.9))
+    assert not judge([close])[0].inside
+    assert all(one.inside for one in judge([*usual, close]))
+    many = (Claim("page.md", "a", "s", 5.1, 100, None), Measured(7.8, 40, 7.7, 7.9))
+    assert not judge([*usual, many])[-1].inside
+
+
 def test_many_figures_are_not_outside_by_chance():
     """One of a hundred at 2 % is expected; alone it would be outside."""
     near = (Claim("page.md", "a, b", "mm", 2.0, 0, (1.9, 2.1)), Measured(2.24, 300, 2.04, 2.44))
