@@ -47,7 +47,7 @@ def probability(claim: Claim, new: Measured, usual: float = 0.0) -> float:
             [round(one.value * one.n), round((1 - one.value) * one.n)] for one in (claim, new)
         ]
         return float(fisher_exact(counts).pvalue)
-    if new.n < FEWEST or not isfinite(new.high - new.low):
+    if not _is_mean(new):
         return float("nan")
     own, freedom = _error(new), new.n - 1
     if usual and claim.bounds is None:
@@ -65,6 +65,11 @@ def probability(claim: Claim, new: Measured, usual: float = 0.0) -> float:
     return float(2.0 * t.sf(off / error, freedom))
 
 
+def _is_mean(new: Measured) -> bool:
+    """Return whether there are values enough to judge their mean."""
+    return new.n >= FEWEST and isfinite(new.high - new.low)
+
+
 def _error(new: Measured) -> float:
     """Return the standard error of a mean."""
     return (new.high - new.low) / WIDTH * sqrt(new.n / (new.n - 1))
@@ -74,10 +79,10 @@ def _spreads(pairs: Sequence[tuple[Claim, Measured]]) -> dict[str, float]:
     """Return the median spread of values over their mean, by what they are."""
     found: dict[str, list[float]] = {}
     for claim, new in pairs:
-        if claim.what != "solved" and new.n >= FEWEST and new.value:
+        if claim.what != "solved" and _is_mean(new) and new.value:
             one = _error(new) * sqrt(new.n) / abs(new.value)
             found.setdefault(claim.what, []).append(one)
-    return {what: median(filter(isfinite, some)) for what, some in found.items()}
+    return {what: median(some) for what, some in found.items()}
 
 
 def judge(pairs: Sequence[tuple[Claim, Measured]], level: float = LEVEL) -> list[Judged]:

@@ -6,6 +6,7 @@ from threading import Timer
 from types import SimpleNamespace
 
 import pytest
+from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
@@ -25,12 +26,18 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 LOSSY = QoSProfile(depth=50, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
+def begun(studio: Studio) -> Publisher:
+    """Record a first message; return its publisher."""
     studio.start()
     early = studio.player.create_publisher(String, "early", 10)
     studio.listened("/early")
     early.publish(String(data="first"))
     studio.recorded("/early", 1)
+    return early
+
+
+def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
+    begun(studio)
     late = studio.player.create_publisher(Scene, "late", 10)
     studio.listened("/late")
     late.publish(Scene(scene_id=7, disks=[DiskState(x=0.5), DiskState()]))
@@ -43,11 +50,7 @@ def test_topics_that_appear_late_are_recorded(studio: Studio) -> None:
 
 def test_what_comes_a_little_after_the_stop_is_recorded(studio: Studio) -> None:
     """As where a packet was dropped, and is sent again."""
-    studio.start()
-    early = studio.player.create_publisher(String, "early", 10)
-    studio.listened("/early")
-    early.publish(String(data="first"))
-    studio.recorded("/early", 1)
+    early = begun(studio)
     Timer(0.15, early.publish, [String(data="last")]).start()
     said = [received.message.data for received in studio.end().messages(["/early"])]
     assert said == ["first", "last"]

@@ -63,6 +63,13 @@ def test_a_package_that_cannot_be_loaded_is_named(toys):
         toys.load(toys.find("none"))
 
 
+def test_a_module_that_is_there_and_lacks_a_name_is_to_be_repaired(toys, tmp_path, monkeypatch):
+    (tmp_path / "lacking.py").write_text("from lacking import nothing\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(ConfigError, match=r"of module lacking .*ImportError: .*; repair it"):
+        toys.load(EntryPoint("lacking", "lacking:make", GROUP))
+
+
 def test_a_module_that_exits_is_named_and_ends_nothing(toys, tmp_path, monkeypatch):
     (tmp_path / "leaving.py").write_text("import sys\nsys.exit('no GPU')\n")
     monkeypatch.syspath_prepend(tmp_path)

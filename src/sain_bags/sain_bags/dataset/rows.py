@@ -11,7 +11,7 @@ from numpy import ndarray
 
 from sain_bags.dataset.formats import VIDEOS, FormatName
 from sain_bags.reading.reader import Bag
-from sain_bags.rows.images import NEVER, USUAL, Cameras
+from sain_bags.rows.images import NEVER, Cameras
 from sain_bags.rows.latched import Latched
 from sain_bags.rows.results import OK, ResultReader, Results
 from sain_bags.rows.topics import BODIES, GOAL, PUSH, PUSH_RESULT, STROKE, WORLD, topics_of
@@ -26,6 +26,7 @@ from sain_core.transitions import LIMITS as UNITS
 from sain_core.transitions import MOVED, SAME_KIND, Column, Columns, changed_kinds, travels
 from sain_core.types import Mask, Pushes, Scenes
 from sain_core.wire import FRAMES, MIN_DISKS
+from sain_core.wire.images import USUAL
 
 READ: Final = (PUSH_RESULT, STROKE, GOAL, BODIES, WORLD)  # types that rows are made of
 COMPUTED: Final = "computed:"  # prefix of a physics source: the recording has no prediction

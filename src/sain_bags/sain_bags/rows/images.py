@@ -19,12 +19,11 @@ from sain_bags.rows.tables import TableReader
 from sain_bags.rows.topics import PUSH, namespaces, topics_of
 from sain_core.errors import DatasetError, InvalidInputError
 from sain_core.transitions import Columns
-from sain_core.wire.images import Colour, camera_key, decode_colour
+from sain_core.wire.images import USUAL, Colour, camera_key, decode_colour
 
 RAW, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 JPEG: Final = "/compressed"  # ends the topics of compressed images
 DEPTHS: Final = ("16UC1", "32FC1", "mono16", "I", "I;16", "I;16B", "F")  # also modes of Pillow
-USUAL: Final = "image_raw"  # how topics of images end by default
 OLDEST: Final = 1_000_000_000  # [ns], an image before a push: an older one may show another scene
 BAD_CONTENT: Final = (
     ValueError, TypeError, LookupError, OSError, PIL.Image.DecompressionBombError,

@@ -123,9 +123,9 @@ class Plugins:
             others = ", ".join(other for other in self.names() if other != entry.name) or "none"
             advice = f"repair or uninstall that package. Others: {others}"
             if entry.dist is None:
-                named = getattr(error, "name", None) if isinstance(error, ImportError) else None
-                unknown = f"{entry.module}.".startswith(f"{named}.")
-                advice = "is its folder on PYTHONPATH?" if unknown else "repair it"
+                lacks = error.name if isinstance(error, ModuleNotFoundError) else None
+                absent = f"{entry.module}.".startswith(f"{lacks}.")
+                advice = "is its folder on PYTHONPATH?" if absent else "repair it"
             raise ConfigError(
                 f"{self.what} {(name or entry.name)!r} of {package_of(entry)} {what}:"
                 f" {type(error).__name__}: {error}; {advice}"

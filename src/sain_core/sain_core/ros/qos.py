@@ -15,7 +15,7 @@ LATCHED_QUEUE = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL
 """For who must hear each of some latched messages in turn, and not the last alone."""
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""Images: who is late takes the latest alone."""
+"""Images and calibrations, from reliable publishers, too: who is late takes the latest alone."""
 
 
 def newest_of(publishers: Sequence[TopicEndpointInfo]) -> QoSProfile:

@@ -9,6 +9,7 @@ from numpy import ndarray
 from sain_core.errors import InvalidInputError
 
 CAMERAS: Final = "observation.images."  # begins what data sets and policies call a camera's images
+USUAL: Final = "image_raw"  # how topics of images end by default
 RGB, BGR, GREY = slice(3), slice(2, None, -1), (0, 0, 0)
 # where red, green and blue are in the bytes of a pixel, and how many these are
 CHANNELS: Final[dict[str, tuple[Any, int]]] = {

@@ -13,10 +13,9 @@ from sain_core.guarding.ros.reception import LARGE_BYTES, Reception
 from sain_core.ros.codec import decode_time
 from sain_core.ros.node_main import steady_timer
 from sain_core.ros.qos import newest_of
-from sain_core.wire.images import Colour, camera_key, decode_colour
+from sain_core.wire.images import USUAL, Colour, camera_key, decode_colour
 
 KIND: Final = "sensor_msgs/msg/Image"
-RAW: Final = "/image_raw"  # ends the topics that are observed, as by default those of data sets
 LOOK: Final = 0.5  # [s] between looks for topics
 FRESH: Final = 1.0  # [s] to wait for an image
 
@@ -72,7 +71,8 @@ class Cameras:
     def _look(self) -> None:
         namespace, known = self._node.get_namespace(), dict[str, tuple[str, ...]]()
         for topic, kinds in sorted(self._node.get_topic_names_and_types()):
-            if kinds == [KIND] and topic.endswith(RAW) and self._node.count_publishers(topic):
+            is_camera = kinds == [KIND] and topic.endswith(f"/{USUAL}")
+            if is_camera and self._node.count_publishers(topic):
                 key = camera_key(topic, namespace)
                 known[key] = (*known.get(key, ()), topic)
         self._others = {*known} - {*self._topics}

@@ -25,8 +25,6 @@ from sain_vision.ros.settings import COLOUR_TOPICS, CameraInputConfig
 from sain_vision.scene.frame_tree import FrameTree
 from sain_vision.scene.scene_tracker import FUTURE
 
-"""Images and calibrations: from reliable publishers, too; where a node is late, the newest."""
-
 PATIENCE: Final = 5.0  # [s] for an image
 OnImage = Callable[[Image, CameraModel], None]
 
